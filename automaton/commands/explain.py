@@ -51,6 +51,7 @@ def run(args: argparse.Namespace) -> int:
         check_tick(args.file, args.at, recording.ticks)
     from automaton.history.explanation import explain
     from automaton.history.snapshot import take_snapshot
+    from automaton.history.state_words import detour_words
     from automaton.history.watched_run import ReplayedRun
 
     recorded = ReplayedRun(recording)
@@ -58,7 +59,7 @@ def run(args: argparse.Namespace) -> int:
         args.at = tick_at(args.file, recorded, args.at)
         check_tick(args.file, args.at, recording.ticks)
     shown = shown_at(recorded, args.at)
-    snapshot = take_snapshot(shown.shown)
+    snapshot = take_snapshot(shown.shown, args.robot)
     found = explain(snapshot, shown.floor_plan, args.robot)
     if args.json:
         print_json(as_json(args, found, snapshot))
@@ -67,7 +68,8 @@ def run(args: argparse.Namespace) -> int:
     name, seed = recording.header["scenario"]["name"], recording.header["seed"]
     title = f"{name}, seed {seed}, tick {args.at:,} of {recording.ticks:,}"
     due = due_lines(snapshot, args.robot, shown.resolved.scenario.units.scale)
-    blocks = [*chain_blocks(title, found), *lost_blocks(due, snapshot, args.robot)]
+    said = [text for text in (detour_words(snapshot, args.robot), *due) if text]
+    blocks = [*chain_blocks(title, found), *lost_blocks(said, snapshot, args.robot)]
     print_document(ReportDocument(title, blocks))
     return 0
 
@@ -130,13 +132,13 @@ def lost_by_cause(snapshot: Snapshot, robot: int) -> list[tuple[int, int]]:
     return sorted(found, key=lambda pair: -pair[1])
 
 
-def lost_blocks(due: list[str], snapshot: Snapshot, robot: int) -> list[Block]:
-    """The due time of the order, and the robot's lost time so far, by cause."""
+def lost_blocks(said: list[str], snapshot: Snapshot, robot: int) -> list[Block]:
+    """Other sentences about the robot, and its lost time so far, by cause."""
     from automaton.engine.observation import CAUSES
 
     lost, ticks = lost_by_cause(snapshot, robot), max(1, snapshot.tick)
     if not lost:
-        return [Listed([*due, "no time lost so far"], mark="")]
+        return [Listed([*said, "no time lost so far"], mark="")]
     total = sum(taken for _, taken in lost)
     share = f"time lost so far: {percent(total / ticks, 0)} of {count(ticks, 'tick')}"
     rows = [
@@ -144,7 +146,7 @@ def lost_blocks(due: list[str], snapshot: Snapshot, robot: int) -> list[Block]:
         for cause, taken in lost
     ]
     table = Table(("lost time", "ticks", "share", "cause"), rows, also_left=(3,))
-    return [Listed([*due, share], mark=""), table]
+    return [Listed([*said, share], mark=""), table]
 
 
 def as_json(args: argparse.Namespace, found: Explanation, snapshot: Snapshot) -> dict[str, Any]:
@@ -168,6 +170,7 @@ def as_json(args: argparse.Namespace, found: Explanation, snapshot: Snapshot) ->
         "trip": order if order != NIL and is_trip else None,
         "due": int(snapshot.orders.due[order]) if is_due else None,
         "late": max(0, ticks_late(snapshot.orders, order, snapshot.tick)) if is_due else None,
+        "detour": snapshot.detour,
         "waits": bool(found.chain[0].cause),
         "chain": links,
         "wait_cycle": []

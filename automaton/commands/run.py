@@ -27,13 +27,14 @@ from automaton.commands.arguments import (
     show_line,
     whole,
 )
+from automaton.commands.watch import viewer
 from automaton.errors import InputError
 from automaton.units import count, ticks_and_time, unit
 from automaton.world.resolve import Resolved, resolve
 
 if TYPE_CHECKING:
     from automaton.documents.report_document import Block, ReportDocument
-    from automaton.runs.headless import Outcome
+    from automaton.runs.headless import Outcome, Sampling
     from automaton.runs.simulation import Simulation
     from automaton.tables.table_run import TableRun
 
@@ -67,6 +68,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--picture", action="store_true", help="draw the floor at the end of the run"
     )
+    text = "with --picture, show a layer of the viewer: streets, visits, waiting, ..."
+    parser.add_argument("--layer", default="", metavar="NAME", help=text)
     add_output_arguments(parser)
 
 
@@ -78,6 +81,10 @@ def run(args: argparse.Namespace) -> int:
     from automaton.runs.run_report import run_document
 
     output = output_of(args)
+    if args.layer and not args.picture:
+        raise InputError("--layer needs --picture")
+    if args.layer:
+        viewer("playback.film").check_layer(args.layer)
     resolved = resolve(args.scenario, settings_of(args), args.seed)
     if args.until is not None:
         args.until *= resolved.scenario.refine
@@ -92,11 +99,12 @@ def run(args: argparse.Namespace) -> int:
 
         def on_end(simulation: Simulation) -> None:
             if args.picture:
-                drawn.append(draw(simulation))
+                drawn.append(draw(simulation, args.layer))
             if tables is not None:
                 tables.finish(simulation)
 
         sampling = None if tables is None else tables.sampling
+        sampling = observed(sampling) if args.layer else sampling
         outcome = run_once(
             resolved,
             on_record,
@@ -150,8 +158,19 @@ class Drawn(NamedTuple):
             yield CharacterPicture(coloured(self.zones))
 
 
-def draw(simulation: Simulation) -> Drawn:
-    """Draw the current state of a run."""
+def observed(sampling: Sampling | None) -> Sampling:
+    """Samples of a run that is observed, as layers need it."""
+    from automaton.runs.headless import Sampling
+    from automaton.runs.simulation import Simulation
+
+    sampling = sampling or Sampling(0, lambda simulation: None, None)
+    return sampling._replace(on_observe=sampling.on_observe or Simulation.empty_observation)
+
+
+def draw(simulation: Simulation, layer: str) -> Drawn:
+    """Draw the current state of a run, with a layer unless it is ""."""
+    if layer:
+        return Drawn(viewer("playback.film").layer_text(simulation, layer), "")
     from automaton.runs.pictures import picture_of
     from strategies.zoning.service_zone_lines import partition_picture
 

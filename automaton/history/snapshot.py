@@ -92,6 +92,7 @@ class Snapshot:
     layer: str  # requested map layer; the viewer adds its numbers
     heat: Array | None = None  # (C,) int32, or None
     flow: Array | None = None  # (C, 4) int32
+    detour: int = 0  # ticks by which streets make the selected robot's way longer than the shortest
 
 
 def take_snapshot(simulation: Simulation, selected: int = NIL, layer: str = "") -> Snapshot:
@@ -130,6 +131,7 @@ def take_snapshot(simulation: Simulation, selected: int = NIL, layer: str = "") 
         curve=world.rules.curve,  # constant
         lost_in_zone=observation.lost_in_zone.copy(),
         layer=layer,
+        detour=_detour(simulation, selected),
     )
 
 
@@ -152,6 +154,24 @@ def _route(simulation: Simulation, selected: int) -> Array:
     steps = robots.route[i, robots.route_index[i] : robots.route_length[i]]
     cells: Array = (start + np.cumsum(grid.offset[steps])).astype(np.int32)
     return cells
+
+
+def _detour(simulation: Simulation, selected: int) -> int:
+    """Ticks by which the way of a robot to its goal is longer than the shortest, alone on the floor."""
+    world = simulation.world
+    if not len(world.grid.move_weight) or not 0 <= selected < len(world.robots.cell):
+        return 0
+    from automaton.engine.operations import first_cell
+    from automaton.engine.search import distance, shortest_distance
+
+    robots, i = world.robots, int(world.robots.at_index[selected])
+    here, goal = int(first_cell(robots, i)), int(robots.goal_cell[i])
+    if NIL in (here, goal):
+        return 0
+    way = (int(robots.type[i]), here, int(robots.heading[i]), goal)
+    with np.errstate(over="ignore"):
+        guided = distance(simulation.view, simulation.workspace, *way)
+        return int(guided) - int(shortest_distance(simulation.view, simulation.workspace, *way))
 
 
 def _illegal(simulation: Simulation) -> dict[int, str]:

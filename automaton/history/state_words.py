@@ -34,6 +34,14 @@ if TYPE_CHECKING:
     from automaton.history.snapshot import Snapshot
 
 
+def detour_words(snapshot: Snapshot, robot: int) -> str:
+    """How much longer streets make the way of the selected robot; "" for others and without a detour."""
+    if snapshot.selected != robot or snapshot.detour <= 0:
+        return ""
+    longer = f"{count(snapshot.detour, 'tick')} longer than the shortest"
+    return f"its way is {longer}, because of the streets"
+
+
 def is_kept_by_gate(cause: int) -> bool:
     """Whether the cause of a wait is a gate."""
     return CAUSE_CLOSED <= cause <= CAUSE_LIFT

@@ -65,6 +65,7 @@ from automaton.runs.task_metrics import (
     metrics_by_priority,
     metrics_by_station,
     summed,
+    sums_of_detours,
     tasks_after,
 )
 from automaton.scenario.unavailable_metrics import warm_up_of
@@ -368,6 +369,7 @@ def sums_by_stretch(simulation: Simulation, stretches: list[Counted]) -> dict[st
     sums["robot_ticks"] = sums["ticks"] * len(simulation.world.robots.cell)
     sums |= sums_of_orders(simulation.world, borders)
     sums |= sums_of_parts(simulation.world, borders)
+    sums |= sums_of_detours(simulation, borders)
     if simulation.resolved.scenario.measure is not None:
         tasks = tasks_after(simulation, 0)
         sums |= {name: summed(tasks.begun, v, borders) for name, v in tasks.sums.items()}

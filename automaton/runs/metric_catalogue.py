@@ -70,6 +70,11 @@ METRIC_CATALOGUE: dict[str, tuple[str, str]] = {
     "task_time": ("ticks", "mean time from taking an order to its delivery, including both ticks"),
     "delay": ("ticks", "mean extra time of a task compared with an empty floor"),
     "delay_p95": ("ticks", "95th percentile of the delay of tasks"),
+    "detour_share": (
+        "share",
+        "how much longer than the shortest ways the ways are that the weights of streets choose for "
+        "finished orders, in driving time on an empty floor",
+    ),
     "throughput_per_robot": (
         f"{PER_1000_TICKS} and robot",
         "deliveries per time and robot after the warm-up period",

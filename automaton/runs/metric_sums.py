@@ -49,6 +49,7 @@ SUMS: Final = (
     *("lines_done", "visits", "trips", "pod_moves"),
     *("due_orders", "late_orders", "not_yet_due", "tardiness_ticks"),
     *("taken", "task_times", "delays"),
+    *("detour_ticks", "shortest_ticks"),
     *("parts_finished", "part_flow_times"),
     *COUNTED_BY_STRATEGIES,
 )
@@ -87,6 +88,7 @@ QUOTIENTS: Final = {
     "charger_queue_share": Quotient("lost_charger_queue", "engaged"),
     "task_time": Quotient("task_times", "taken", measured=False),
     "delay": Quotient("delays", "taken", measured=False),
+    "detour_share": Quotient("detour_ticks", "shortest_ticks", measured=False),
     "throughput_per_robot": Quotient("completed", "watched_robot_ticks", 1000),
     "lines_per_visit": Quotient("lines_done", "visits", measured=False),
     "lead_time": Quotient("lead_times", "timed", measured=False),

@@ -57,6 +57,7 @@ from automaton.runs.task_metrics import (
     lead_times,
     quantile,
     summed,
+    sums_of_detours,
     sums_of_due_times,
     tardiness_quantiles,
     tasks_after,
@@ -261,7 +262,8 @@ def metrics_of(run: Measured, since: Counted | None = None) -> dict[str, float |
     sums = {name: value - before.get(name, 0) for name, value in now.sums.items()}
     sums |= _of_stretch(n, now.tick - begin)
     borders = np.array([begin, now.tick])
-    for found in (sums_of_orders(world, borders), sums_of_parts(world, borders)):
+    of_parts = sums_of_parts(world, borders)
+    for found in (sums_of_orders(world, borders), sums_of_detours(run, borders), of_parts):
         sums |= {name: int(value[0]) for name, value in found.items()}
     figures: dict[str, float | int] = {"makespan": now.tick} if world.clock.finished else {}
     measure = run.resolved.scenario.measure

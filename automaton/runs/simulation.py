@@ -119,6 +119,9 @@ class Simulation:
         self.workspace = floor.borrow_space(self, self.world.rules.table_bytes)
         # (m,) int32: least driving time of each delivered order in ticks; NIL until it is computed.
         self.least = np.full(len(self.world.orders.state), NIL, np.int32)
+        # (m, 2) int32: driving ticks by the ways that streets choose, and by the shortest; or NIL.
+        guided = len(self.least) if resolved.scenario.streets is not None else 0
+        self.guided = np.full((guided, 2), NIL, np.int32)
         self.visible_world = build_sight(self.world, floor)
         self.view: World = self.visible_world.read_only()
         self.full_batch, self.batch, self.decisions = build_buffers(self.world)

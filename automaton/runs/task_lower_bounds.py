@@ -1,4 +1,4 @@
-"""Lower bounds of task times: the legs of a task driven on the empty floor."""
+"""Lower bounds of task times: the legs of a task driven on the empty floor; detours by streets."""
 
 from __future__ import annotations
 
@@ -12,6 +12,8 @@ from automaton.engine.search import (
     TURNED_AHEAD,
     TURNED_BEHIND,
     begin_search,
+    distance,
+    guiding_tables,
     pop,
     reach,
     shortest_distance,
@@ -22,6 +24,7 @@ from automaton.engine.state import (
     MAY_TURN,
     NIL,
 )
+from automaton.engine.table_rows import cost_in, row_to
 from automaton.strategy.placing import dropoff_cell, pickup_cell
 
 POSE_MASK = (1 << 32) - 1  # key of the priority queue: estimated ticks << 32 | pose
@@ -68,26 +71,63 @@ def least_way_ticks(view, workspace, which, out):
     An order without a load starts at the pose in which it was taken. All other legs begin with their
     best heading. UNREACHABLE if no way exists.
     """
-    orders = view.orders
     for k in range(which.shape[0]):
-        order = which[k]
-        robot_type = np.int64(orders.dispatched_type[order])
-        here = np.int64(orders.dispatched_from[order])
-        heading = np.int64(orders.dispatched_heading[order])
-        loaded = has_load(orders, order)
-        if loaded:
-            here = pickup_cell(view, robot_type, orders.source[order], here)
-            heading = np.int64(NIL)
-            robot_type += view.rules.loaded_types
-        ticks = np.int64(0)
-        for stop in range(orders.first_stop[order], end_of_stops(view, order)):
-            to = np.int64(view.stops.cell[stop])
-            ticks += least_leg(view, workspace, robot_type, here, heading, to)
-            here, heading = to, np.int64(NIL)
-        if loaded:
-            end = dropoff_cell(view, robot_type, last_slot(orders, order), here)
-            ticks += least_leg(view, workspace, robot_type, here, heading, end)
-        out[k] = min(ticks, UNREACHABLE)
+        out[k] = ticks_of_legs(view, workspace, which[k], False, False)
+
+
+@kernel
+def guided_way_ticks(view, workspace, which, out):
+    """out[k] = driving ticks of order which[k] on the empty floor, from the pose in which it was taken:
+    by the ways that the weights of streets choose, and by the shortest ways.
+
+    Each leg but the first begins with its best heading. UNREACHABLE if no way exists.
+    """
+    for k in range(which.shape[0]):
+        out[k, 0] = ticks_of_legs(view, workspace, which[k], True, True)
+        out[k, 1] = ticks_of_legs(view, workspace, which[k], True, False)
+
+
+@kernel
+def ticks_of_legs(view, workspace, order, with_fetching, is_guided):
+    """Ticks of the legs of an order; `with_fetching`: also of that to its load; `is_guided`: by the ways
+    of streets.
+    """
+    orders = view.orders
+    robot_type, ticks = np.int64(orders.dispatched_type[order]), np.int64(0)
+    here = np.int64(orders.dispatched_from[order])
+    heading = np.int64(orders.dispatched_heading[order])
+    loaded = has_load(orders, order)
+    if loaded:
+        source = pickup_cell(view, robot_type, orders.source[order], here)
+        if with_fetching:
+            ticks += ticks_of_leg(view, workspace, robot_type, here, heading, source, is_guided)
+        here, heading = source, np.int64(NIL)
+        robot_type += view.rules.loaded_types
+    for stop in range(orders.first_stop[order], end_of_stops(view, order)):
+        if view.stops.done[stop] < orders.dispatched[order]:
+            continue
+        to = np.int64(view.stops.cell[stop])
+        ticks += ticks_of_leg(view, workspace, robot_type, here, heading, to, is_guided)
+        here, heading = to, np.int64(NIL)
+    if loaded:
+        end = dropoff_cell(view, robot_type, last_slot(orders, order), here)
+        ticks += ticks_of_leg(view, workspace, robot_type, here, heading, end, is_guided)
+    return min(ticks, UNREACHABLE)
+
+
+@kernel
+def ticks_of_leg(view, workspace, robot_type, here, heading, to, is_guided):
+    """Ticks of a leg; heading NIL: from the best heading, by cost where streets guide robots."""
+    if not is_guided:
+        return least_leg(view, workspace, robot_type, here, heading, to)
+    if heading == NIL:
+        tables, least = guiding_tables(workspace), np.int64(UNREACHABLE)
+        row = row_to(tables, robot_type, to, view.clock.tick, False)
+        for begin in range(view.grid.headings):
+            cost = cost_in(tables, row, here, begin)
+            if cost < least:
+                least, heading = cost, np.int64(begin)
+    return distance(view, workspace, robot_type, here, max(heading, 0), to)
 
 
 @kernel

@@ -15,6 +15,7 @@ from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
+from automaton.engine.distance_tables import UNREACHABLE
 from automaton.engine.state import (
     ACTION_DROP,
     ACTION_PICK,
@@ -27,7 +28,7 @@ from automaton.engine.state import (
 )
 from automaton.runs.interruption import interruptible
 from automaton.runs.progress import AskedOrders, asked_orders, has_lines
-from automaton.runs.task_lower_bounds import min_drive_ticks
+from automaton.runs.task_lower_bounds import guided_way_ticks, min_drive_ticks
 from automaton.scenario.order_lines import classes_of_orders
 from automaton.scenario.table_fields import NOTHING
 from automaton.world.resolved import Resolved
@@ -46,6 +47,8 @@ class Measured(Protocol):
     def resolved(self) -> Resolved: ...
     @property
     def least(self) -> Array: ...
+    @property
+    def guided(self) -> Array: ...
     @property
     def counted(self) -> Mapping[str, int]: ...
 
@@ -115,6 +118,31 @@ def least_times(run: Measured, tasks: Array) -> Array:
     has_load = run.world.orders.source[tasks] != NIL
     times: Array = run.least[tasks] + handling * has_load
     return times
+
+
+def sums_of_detours(run: Measured, borders: Array) -> dict[str, Array]:
+    """Driving ticks of the tasks that were done in each stretch between borders, on the empty floor.
+
+    Those of the shortest ways, and the extra ticks of the ways that the weights of streets choose. Empty
+    without streets.
+    """
+    if run.resolved.scenario.streets is None:
+        return {}
+    orders, guided = run.world.orders, run.guided
+    tasks = np.flatnonzero((orders.state == ORDER_DELIVERED) & (orders.legs == 1))
+    tasks = tasks[orders.delivered[tasks] > borders[0]]
+    unknown = tasks[guided[tasks, 0] == NIL]
+    if len(unknown):
+        found = np.zeros((len(unknown), 2), np.int32)
+        with interruptible(run.workspace.stop), np.errstate(over="ignore"):
+            guided_way_ticks(run.view, run.workspace, unknown, found)
+        guided[unknown] = np.where(found[:, :1] < UNREACHABLE, found, 0)
+    ways, shortest = guided[tasks].astype(np.int64).T
+    ends = np.maximum(orders.delivered[tasks], 1)  # ticks count from 1
+    return {
+        "detour_ticks": summed(ends, ways - shortest, borders),
+        "shortest_ticks": summed(ends, shortest, borders),
+    }
 
 
 # Orders with due times: how many are late, and by how many ticks.

@@ -11,8 +11,9 @@ import numpy as np
 
 from automaton.errors import Finding, InputError, Keys, alternatives
 from automaton.floor.floor_plan import CHARGER, SHELF, STATION, UNLIMITED
-from automaton.floor.reachability import steps_from
+from automaton.floor.reachability import dead_ends_of, steps_from
 from automaton.scenario.arrivals import Mean, MeanTime
+from automaton.scenario.changing_floor import StreetPlan
 from automaton.scenario.order_lines import has_due_times, line_column, listed_lines, transports_of
 from automaton.strategy.lookup import (
     AVOIDS_TRAFFIC,
@@ -25,6 +26,7 @@ from automaton.strategy.lookup import (
 from automaton.units import SECONDS_PER_UNIT, count, ticks_and_time, unit
 from automaton.world.conversion_table import coarse_conversions
 from automaton.world.fleet_warnings import (
+    MOST_NAMED,
     fleet_warnings,
     gate_warnings,
     pod_warnings,
@@ -39,6 +41,7 @@ if TYPE_CHECKING:
 
 NO_STRATEGY: Final = "none"
 WEIGHT_OF_1: Final = 100  # in the arrays of a floor
+CHEAPER: Final = 1.25  # the factor from which the viewer draws a street
 FAR_FROM_1: Final = 4  # factor of a mean weight from 1 that is likely a mistake
 MOST_STATIONS: Final = 100  # stations between which all ways are measured
 
@@ -108,8 +111,9 @@ def scenario_warnings(resolved: Resolved) -> list[str]:
 def street_warnings(resolved: Resolved) -> list[str]:
     """Warnings about weights of streets that no strategy reads, or that make turns nearly free."""
     floor_plan, choices = resolved.floor_plan, resolved.strategies
+    into = [text for text in (leads_into_dead_end(resolved),) if text]
     if not len(floor_plan.move_weights):
-        return []
+        return into
     row, routing = choices["right_of_way"], choices["routing"]
     # A plug-in that steers may not read weights.
     steers = is_built_in("right_of_way", row.name) and declares("right_of_way", row.name, STEERS)
@@ -135,7 +139,36 @@ def street_warnings(resolved: Resolved) -> list[str]:
         warnings.append(
             f"streets has a mean weight of {mean:.3g}, so turns are very dear; set scale: mean"
         )
-    return warnings
+    return warnings + into
+
+
+def leads_into_dead_end(resolved: Resolved) -> str:
+    """Warn about streets whose cheaper or only direction leads into a dead end, under pibt.
+
+    Presets lay streets everywhere, so they lead into some of the dead ends of most floors.
+    """
+    floor_plan, streets = resolved.floor_plan, resolved.scenario.streets
+    is_preset = isinstance(streets, StreetPlan) and streets.preset is not None
+    pibt = resolved.strategies["right_of_way"].name == "pibt"
+    if not streets or is_preset or not pibt or resolved.scenario.fleet.robots < 2:
+        return ""
+    ends, weights = dead_ends_of(floor_plan), floor_plan.move_weights
+    entries = []
+    for inside in np.flatnonzero(ends.depth == 1).tolist():
+        out = int(ends.way_out[inside])
+        before = inside + floor_plan.offsets[out]
+        is_closed = not floor_plan.exits.flat[inside] >> out & 1
+        ways = (weights[before, out ^ 2], weights[inside, out]) if len(weights) else (1, 1)
+        if is_closed or ways[1] >= CHEAPER * ways[0]:
+            entries.append(f"{list(floor_plan.xy(before))} to {list(floor_plan.xy(inside))}")
+    if not entries:
+        return ""
+    more = f" and {len(entries) - MOST_NAMED} more" if len(entries) > MOST_NAMED else ""
+    return (
+        f"streets lead into dead ends ({', '.join(entries[:MOST_NAMED])}{more}): with pibt a dead end "
+        "admits one robot with a goal in it at a time, which comes out against the street; let the move "
+        "out cost no more than the move in"
+    )
 
 
 def nothing_to_avoid(resolved: Resolved) -> str:

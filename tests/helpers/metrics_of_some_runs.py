@@ -10,6 +10,7 @@ from automaton.scenario.unavailable_metrics import OF_DUE_TIMES, OF_LINES, OF_TI
 OF_OTHER_RUNS = (
     *(
         *TASK_METRICS,
+        "detour_share",
         "slowdown_ticks",
         "alternative_routes",
         "deadlocks_resolved",

@@ -25,7 +25,12 @@ NARROW, WIDE = 34, 56  # columns of the side
 
 @cache
 def moment(
-    tick: int, scenario: str = "tabletop-1", *settings: str, layer: str = "", against: str = ""
+    tick: int,
+    scenario: str = "tabletop-1",
+    *settings: str,
+    layer: str = "",
+    against: str = "",
+    selected: int = NIL,
 ) -> View:
     """A run at a tick; `against` is a setting of a second run to compare it with."""
     runs = [LiveRun(resolve(scenario, list(settings)), 1)]
@@ -33,6 +38,7 @@ def moment(
         runs.append(LiveRun(resolve(scenario, [*settings, against]), 1))
     player = Player(runs)
     player.show_layer(layer)
+    player.select(selected)
     player.seek(tick)
     until = time.monotonic() + 20
     while player.latest().tick < tick or player.latest().figures[0].tick < tick:

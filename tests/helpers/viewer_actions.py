@@ -239,6 +239,12 @@ lays("layer_zones", "", "traffic-zones")
 
 
 @check
+async def layer_streets(user: Watched) -> None:
+    await press(user, "layer_streets")
+    assert "no streets here, or none with weights of waiting" in user.toasts()
+
+
+@check
 async def layer_explored(user: Watched) -> None:
     await press(user, "layer_explored")
     assert "select a robot, and the search for its way is shown" in user.toasts()

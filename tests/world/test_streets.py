@@ -271,3 +271,28 @@ def test_check_warns_of_streets_without_effect() -> None:
     )
     with pytest.raises(InputError, match="leave guidance out"):
         resolve(both)
+
+
+ALLEY = "......\n.####.\n......\n.#####\n.#####"  # [0, 3] and [0, 4] lie in a dead end
+
+
+@pytest.mark.parametrize(
+    ("streets", "warns"),
+    [
+        ([{"path": [[0, 2], [0, 4]], "there": 0.5}], True),
+        ([{"path": [[0, 2], [0, 4]], "back": 1.25}], True),
+        ([{"path": [[0, 2], [0, 4]], "back": "closed"}], True),
+        ([{"path": [[0, 2], [0, 4]], "there": 0.5, "back": 0.5}], False),
+        ([{"path": [[0, 2], [0, 4]], "back": 0.5}], False),
+        ([{"path": [[0, 3], [0, 4]], "there": 0.5}], False),  # within it
+        ({"preset": "crisscross"}, False),
+    ],
+)
+def test_check_warns_of_a_street_into_a_dead_end_under_pibt(streets: Any, warns: bool) -> None:
+    fleet = {"robots": 2, "start": [[0, 0], [5, 0]]}
+    for row in ("pibt", "epibt"):
+        data = scenario(streets, ALLEY, fleet=fleet, strategy={"right_of_way": row})
+        data["orders"] = {"list": [{"stops": [[3, 2]]}]}
+        said = [text for text in scenario_warnings(resolve(data)) if "into dead ends" in text]
+        assert bool(said) == (warns and row == "pibt")
+        assert all("([0, 2] to [0, 3])" in text for text in said)

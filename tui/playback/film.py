@@ -17,6 +17,7 @@ from __future__ import annotations
 
 import json
 import math
+import os
 import sys
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
@@ -39,8 +40,9 @@ from tui.playback.run_source import recorded
 from tui.registration import failure, layer_named, layers
 from tui.render import styles
 from tui.render.camera import Camera
+from tui.render.compose import compose
 from tui.render.encode import as_svg, as_text, encode
-from tui.render.scene import Choice
+from tui.render.scene import Choice, Scene, floor_of
 from tui.render.styles import (
     ASCII,
     DEPTHS,
@@ -54,9 +56,11 @@ from tui.render.styles import (
     style,
     text,
 )
+from tui.terminal.options import glyphs_of
 
 if TYPE_CHECKING:
     from automaton.history.snapshot import Snapshot
+    from automaton.runs.simulation import Simulation
     from tui.playback.playback_state import PlaybackState
 
 
@@ -248,17 +252,7 @@ class Film:
             raise InputError(
                 f"there is no robot {request.follow}: the last one is robot {robots - 1}"
             )
-        known, problems = layers().by_name, layers().problems
-        if request.layer and request.layer not in known:
-            about = [
-                problem
-                for problem in problems
-                if not known or problem.startswith(f"layer {request.layer!r}")
-            ]
-            allowed = f"unknown layer '{request.layer}': allowed are {alternatives(list(known))}"
-            raise InputError(about[0] if about else allowed)
-        if request.layer == "explored" and request.follow == NIL:
-            raise InputError("explored shows the search for one robot: choose it with --follow")
+        check_layer(request.layer, request.follow)
         return Choice(request.follow, layer=request.layer, following=request.follow != NIL)
 
     def _said(self, request: Request) -> Status:
@@ -272,6 +266,41 @@ class Film:
         scene = self._pictures.scene(None, self._choice, 0)
         key = layer_named(request.layer).key_words(scene, self._resolved, self.glyphs)
         return Status(self.last, scenario.fleet.robots, orders, tick, "  ".join(chosen), key)
+
+
+def check_layer(layer: str, robot: int = NIL) -> None:
+    """Raise InputError for an unknown layer, and for one that needs a robot."""
+    known, problems = layers().by_name, layers().problems
+    if layer and layer not in known:
+        about = [one for one in problems if not known or one.startswith(f"layer {layer!r}")]
+        allowed = f"unknown layer '{layer}': allowed are {alternatives(list(known))}"
+        raise InputError(about[0] if about else allowed)
+    if layer == "explored" and robot == NIL:
+        raise InputError(
+            "explored shows the search for one robot: choose it with cast RUN.rec --follow ROBOT"
+        )
+
+
+def layer_text(simulation: Simulation, layer: str) -> str:
+    """The floor of an observed run with a layer, one character per cell, and the layer's key.
+
+    Raises InputError if a layer of another distribution raises.
+    """
+    from automaton.history.snapshot import take_snapshot
+    from tui.playback.playback_state import Overlays
+
+    resolved, glyphs = simulation.resolved, glyphs_of(os.environ)
+    bare = take_snapshot(simulation, NIL, layer)
+    snapshot = Overlays().laid_over(bare, simulation, layer, playing=False)
+    scene = Scene(floor_of(resolved), snapshot, layer=layer)
+    camera = Camera(resolved.floor_plan, 1, 1)
+    camera.one_to_one()
+    camera.resize(*camera.size())
+    codes = compose(scene, camera, SHADED if glyphs is UNICODE else glyphs)
+    key = layer_named(layer).key_words(scene, resolved, glyphs)
+    if failed := failure():
+        raise InputError(failed)
+    return "\n".join([as_text(codes, glyphs), *key])
 
 
 # The size of a film, and its step of the zoom ladder.

@@ -141,6 +141,10 @@ def draw_layer(canvas: Canvas) -> None:
             canvas.flat[index] = heat_codes(canvas.glyphs)[levels[index], None]
         else:
             draw_flow(canvas, index, levels[index])
+    signs = scene.map_layer.signs(scene, canvas.seen, 1, 1, canvas.glyphs)
+    if signs is not None:
+        index = np.flatnonzero(signs)
+        canvas.flat[index, canvas.sign] = signs.reshape(-1)[index]
 
 
 def draw_flow(canvas: Canvas, index: NDArray[np.intp], levels: NDArray[np.uint8]) -> None:

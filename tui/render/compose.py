@@ -107,6 +107,8 @@ def far_picture(scene: Scene, camera: Camera, glyphs: GlyphSet) -> Codes:
     )
     if scene.map_layer.arrows and scene.values is not None:
         draw_flow(canvas, scene, scene.values)
+    if (signs := layer_signs(scene, camera, glyphs)) is not None:
+        canvas.codes[:] = np.where(signs, signs, canvas.codes)
     canvas.draw(scene.zone_cells, styles.COLOUR_MARKED)
     draw_over(canvas, scene)
     return canvas.codes
@@ -263,6 +265,13 @@ def draw_flow(canvas: DotCanvas, scene: Scene, strongest: NDArray[np.int32]) -> 
     canvas.codes[here] = flow_codes(canvas.glyphs)[levels[here], directions]
 
 
+def layer_signs(scene: Scene, camera: Camera, glyphs: GlyphSet) -> Codes | None:
+    """The layer's own signs for the characters of the part on the screen."""
+    zoom, part = camera.zoom, part_of(camera)
+    signs: Codes | None = scene.map_layer.signs(scene, camera.shown, zoom.across, zoom.down, glyphs)
+    return None if signs is None else signs[part.top : part.bottom, part.left : part.right]
+
+
 # Pictures in half blocks.
 
 
@@ -277,8 +286,11 @@ def pixel_picture(scene: Scene, camera: Camera, glyphs: GlyphSet) -> Codes:
             canvas.flat[full(scene, camera.visible())] = FAR_LOAD
     signed = draw_layer(canvas, scene)
     canvas.paint(scene.zone_cells, styles.COLOUR_MARKED)
-    if scene.tints is not None or scene.values is not None:
+    signs = layer_signs(scene, camera, glyphs)
+    if scene.tints is not None or scene.values is not None or signs is not None:
         codes = paired(pixels, glyphs)
+        if signs is not None:
+            codes = np.where(signs, signs, codes)
         if scene.tints is not None:
             codes = sign_tints(codes, pixels, thin=signed and glyphs.shaded)
         draw_over(DotCanvas(codes, part, camera, glyphs, grounds(pixels)), scene)

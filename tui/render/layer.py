@@ -18,9 +18,10 @@ from tui.render.styles import GlyphSet
 if TYPE_CHECKING:
     from automaton.runs.simulation import Simulation
     from automaton.world.resolved import Resolved
+    from tui.render.camera import CellRectangle
     from tui.render.cell_looks import Canvas, Pixels
     from tui.render.scene import Choice
-    from tui.render.styles import Entries
+    from tui.render.styles import Codes, Entries
 
 
 ScaleLine = list[str | tuple[int, ...]]  # words and signs (codes), from the left
@@ -63,6 +64,15 @@ class Layer:
 
     def tints(self, scene: Scene) -> NDArray[np.int8] | None:
         """(C,) the tint of each cell, an index of tui.render.cell_looks.TINTS, or NIL."""
+        return None
+
+    def signs(
+        self, scene: Scene, cells: CellRectangle, across: int, down: int, glyphs: GlyphSet
+    ) -> Codes | None:
+        """(rows, columns) codes for blocks of across x down cells in a rectangle, drawn over the floor.
+
+        0: what stands there stays; None: the layer has no signs.
+        """
         return None
 
     def draw_signs(self, canvas: Canvas, tints: NDArray[np.int8], looks: NDArray[np.uint8]) -> None:

@@ -130,6 +130,9 @@ class GlyphSet:
     fleet_full: Final = _shape(" ", "R")  # a character filled by robots, by its background
     fleet_half: Final = _shapes("▀▄", "rr")  # its upper and its lower half
     lines: Final = _shapes(BRAILLE, _by_lines())  # outlines of drawn cells
+    # Streets, by direction. Filled heads would look like loaded robots, or are in few fonts.
+    way: Final = _shapes("⇢⇣⇠⇡", "eswn")
+    one_way_head: Final = _shapes("↠↡↞↟", ">v<^")
 
     def __init__(self, name: str, characters: str, shaded: bool) -> None:
         self.name = name
@@ -141,6 +144,7 @@ class GlyphSet:
 
 
 UNICODE: Final = GlyphSet("unicode", "".join(_unicode), shaded=False)
+SHAPES: Final = {sign: glyph for glyph, sign in enumerate(_unicode) if not sign.isascii()}
 SHADED: Final = GlyphSet("unicode", "".join(_unicode), shaded=True)  # for terminals without colours
 ASCII: Final = GlyphSet("ascii", "".join(_ascii), shaded=True)
 
@@ -215,8 +219,9 @@ def to_ascii(text: str) -> str:
 
 
 def text(words: str) -> tuple[int, ...]:
-    """The glyphs of an ASCII text."""
-    return tuple(to_ascii(words).encode("ascii"))
+    """The glyphs of a text in ASCII, and of shapes in it."""
+    spelled = ((SHAPES[c],) if c in SHAPES else to_ascii(c).encode("ascii") for c in words)
+    return tuple(glyph for glyphs in spelled for glyph in glyphs)
 
 
 class Depth(IntEnum):

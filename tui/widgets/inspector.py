@@ -19,6 +19,7 @@ from automaton.floor.floor_plan import (
     DRIVABLE,
     STORAGE,
     UNLIMITED,
+    FloorPlan,
 )
 from automaton.units import count
 from automaton.world.floor_parts import places_of_chargers
@@ -54,6 +55,8 @@ from tui.widgets.pod_facts import (
 )
 from tui.widgets.robot_facts import charger_lines, closed_to, robot_lines
 from tui.widgets.zone_facts import order_zone, part_of_order, station_facts, zone_facts, zone_lines
+
+UNIT = 100  # weights of a floor are in 1 / UNIT
 
 GUIDE = (
     "Click a robot, a shelf or any other cell of the map.",
@@ -153,6 +156,7 @@ def _ground(view: View, cell: int) -> Facts:
         ("exits", [", ".join(ways) if ways else "none"]),
         ("closed to", [", ".join(closed_to(view, cell))] if closed_to(view, cell) else []),
         ("speed limit", _limits(view, cell)),
+        ("weights", _weights(view, cell)),
         ("room for", [room + (", one each way" if capacity == 2 else "")]),
     ]
 
@@ -168,6 +172,32 @@ def _limits(view: View, cell: int) -> Parts:
         if ticks
     ]
     return ["a move takes at least: " + ", ".join(ways)]
+
+
+def _weights(view: View, cell: int) -> Parts:
+    """The weights of moves out of a cell and of waiting; [] without streets."""
+    floor_plan = view.floor_plan
+    if not len(floor_plan.move_weights):
+        return []
+    exits, closed = int(floor_plan.exits.flat[cell]), closed_moves(floor_plan, cell)
+    said = [
+        f"{name} {'closed' if direction in closed else f'{weight / UNIT:g}'}"
+        for direction, (name, weight) in enumerate(
+            zip(DIRECTIONS, floor_plan.move_weights[cell].tolist(), strict=True)
+        )
+        if direction in closed or exits >> direction & 1
+    ]
+    return [", ".join([*said, f"waiting {floor_plan.wait_weights[cell] / UNIT:g}"])]
+
+
+def closed_moves(floor_plan: FloorPlan, cell: int) -> list[int]:
+    """The directions in which robots come into a cell but do not leave it."""
+    exits = floor_plan.exits.flat
+    return [
+        direction
+        for direction, beside in enumerate(floor_plan.neighbours(cell))
+        if exits[beside] >> (direction ^ 2) & 1 and not exits[cell] >> direction & 1
+    ]
 
 
 def _traffic(view: View, cell: int) -> Facts:

@@ -36,6 +36,7 @@ from automaton.history.explanation import doing, out_of_order
 from automaton.history.state_words import (
     charger_queue,
     charging_at,
+    detour_words,
     gate_words,
     is_kept_by_gate,
     sent_to,
@@ -98,6 +99,7 @@ def robot_lines(view: View, robot: int, width: int, signs: Signs = UNICODE_SIGNS
         ("ahead", _ahead(view, robot)),
         ("goal", _goal(view, robot)),
         ("route", _route(view, robot)),
+        ("streets", [said] if (said := detour_words(view.snapshot, robot)) else []),
         ("priority", [str(int(fleet.priority[robot]))]),
         *robot_zone(view, robot),
         ("home", [cell_link(floor_plan, int(fleet.home[robot]))]),

@@ -48,11 +48,11 @@ HIGHER_IS_BETTER: Final = frozenset((
 LOWER_IS_BETTER: Final = frozenset((
     "makespan", "ticks", "operations", "operations_per_robot", "empty_moves_share",
     "empty_operations_share", "empty_ticks_share", "ticks_per_operation", "legs_per_order",
-    "blocked_share", "task_time", "delay", "delay_p95", "slowdown_ticks", "retreats", "lead_time",
-    "lead_time_p95", "lead_time_p99", "lead_time_max", "late_share", "tardiness", "tardiness_p95",
-    "tardiness_p99", "oldest_order", "starved_robots", "energy", "repair_energy",
-    "battery_depletions", "breakdowns", "towed", "downtime", "delayed_share", "distance",
-    "part_flow_time", "messages", "illegal_answers", "deadlocks_resolved", "deadlocks",
+    "blocked_share", "task_time", "delay", "delay_p95", "detour_share", "slowdown_ticks",
+    "retreats", "lead_time", "lead_time_p95", "lead_time_p99", "lead_time_max", "late_share",
+    "tardiness", "tardiness_p95", "tardiness_p99", "oldest_order", "starved_robots", "energy",
+    "repair_energy", "battery_depletions", "breakdowns", "towed", "downtime", "delayed_share",
+    "distance", "part_flow_time", "messages", "illegal_answers", "deadlocks_resolved", "deadlocks",
     "deadlock_time", "longest_standstill", "station_queue_share", "charger_queue_share",
 ))  # fmt: skip
 CONDITIONS: Final = frozenset((

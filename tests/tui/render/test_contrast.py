@@ -16,6 +16,8 @@ from zone_pictures import two_zones
 
 from automaton.engine.state import ACTION_CHARGE, BATTERY_FULL, GOAL_CHARGE, STATUS_FAILED
 from automaton.floor.traffic_zones import traffic_zones_of
+from automaton.scenario.changing_floor import Street
+from automaton.scenario.streets import streets_on
 from tui.render import styles
 from tui.render.drawn_robots import BODY_COLOURS, DRAW_CLASS
 from tui.render.scene import Scene
@@ -43,7 +45,10 @@ PICTURE = """
 ................
 """
 LADDER = (*DRAWN, *ALL)
-LAYERS = ("", "visits", "flow", "traffic-zones", "service-zones", "explored", "predicted")
+LAYERS = (
+    *("", "visits", "flow", "traffic-zones", "service-zones", "explored", "predicted"),
+    *("streets", "street-waits"),
+)
 
 
 def least(look: Look, fg: int, character: str) -> float:
@@ -86,6 +91,9 @@ def scene_with(layer: str) -> Scene:
         floor_plan, zoning = two_zones().floor.floor_plan, two_zones().snapshot.service_zones
     else:
         floor_plan, zoning = drawn(PICTURE), None
+    if layer.startswith("street"):
+        rows = [Street(row=y, west=2 * y, wait=y) for y in (1, 3, 4, 5)]
+        floor_plan = streets_on(floor_plan, (*rows, Street(column=0, north="closed"))).floor()
     cells = np.flatnonzero(floor_plan.drivable.reshape(-1))
     robots = [
         {"cell": int(cell), "goal_cell": int(cell), **STATES[n % len(STATES)]}
@@ -94,8 +102,7 @@ def scene_with(layer: str) -> Scene:
     robots += [{"cell": int(cells[0])}] * 2  # several in one cell
     heat = np.zeros(floor_plan.kind.size, np.int32)
     heat[cells] = np.arange(len(cells)) ** 2
-    if layer == "explored":
-        heat = np.minimum(heat, 2)
+    heat = np.minimum(heat, {"explored": 2, "street-waits": 8}.get(layer, heat.max()))
     flow = np.stack([heat, heat // 2, heat // 3, heat * 0], axis=1)
     zones = traffic_zones_of(floor_plan, "with-intersections") if zoning is None else None
     more = {"zoning": zoning, "zones": zones, "battery": True, "faults": True}

@@ -951,8 +951,8 @@ def formats_page() -> str:
         "[metric](metrics.md), which is null if the run did not measure it. `delivered` and the metrics "
         "exclude the warm-up, if there is one; `ticks` and `orders` cover the whole run. Studies of a "
         f"steady state add `{study.SERIES_COLUMN}` (deliveries per window) and "
-        f"`{study.SUMS_COLUMN}` (sums per stretch). Where a tick is a time, "
-        f"`{study.PERIODS_COLUMN}` has the run by quarter of an hour (by hour if it is long).\n",
+        f"`{study.SUMS_COLUMN}` (sums per section). If a tick is a time, "
+        f"`{study.PERIODS_COLUMN}` contains the run by quarters of an hour (by hours if it is long).\n",
         table(("column", "type"), columns),
     )
 

@@ -67,8 +67,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("--target", metavar="T", help=text)
     add("--robots", metavar="A..B", help="test fleets of A to B robots")
     text = (
-        "instead of --robots, vary WHAT: stations or chargers finds the smallest number of "
-        "open ones; strategy.allocation.active finds the limit with the best value of the "
+        "vary WHAT instead of robots. For stations or chargers, find the smallest number of "
+        "open ones; for strategy.allocation.active, find the limit with the best value of the "
         "metric --target (default: throughput or makespan)"
     )
     add("--vary", nargs=2, metavar=("WHAT", "A..B"), help=text)
@@ -91,8 +91,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--success-share",
         type=positive_share,
         metavar="P",
-        help="require this share of the runs to meet the target (default: 0.95; a study of a "
-        "steady state always compares the mean, as with --mean)",
+        help="require this share of the runs to meet the target (default: 0.95; in a steady state "
+        "the mean is compared with the target, as with --mean)",
     )
     add(
         "--mean",

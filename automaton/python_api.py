@@ -106,15 +106,16 @@ def simulate(
 ) -> Outcome:
     """Run a scenario once, in this process, to its end.
 
-    `scenario`, `seed`: as for `load`. `strategies`: by layer a name, a dict of a name and parameters, or
-    a class, such as a function decorated with `per_robot`. `overrides`: keys of the scenario,
-    `fleet__robots=3` or `**{"fleet.robots": 3}`. With `tables` the outcome has `tables.orders`, `lines`,
-    `trips`, `robots` and `stations`, each a pyarrow Table; `states`, a period such as "10 s" or a number
-    of ticks, adds the table `states`, `events=True` the table `events`; either one also adds `cells`.
-    `folder`: a new folder; tables are written to it as Parquet during the run, and not held in memory.
-    `record`: a file for the recording. Returns an Outcome: `metrics` by name, `robots`, `digest`,
-    `ticks`, and `picture`, which a notebook shows. Raises InputError for bad input and for a strategy
-    that raises.
+    `scenario`, `seed`: as for `load`. `strategies`: a dict with a name, a dict of a name and
+    parameters, or a class for each layer that changes; a function decorated with `per_robot` is
+    such a class. `overrides`: keys of the scenario, `fleet__robots=3` or `**{"fleet.robots": 3}`.
+    With `tables` the outcome has `tables.orders`, `lines`, `trips`, `robots` and `stations`, each a
+    pyarrow Table; `states` (a period such as "10 s", or a number of ticks) adds the table `states`,
+    and `events=True` adds the table `events`; each also adds the table `cells`. `folder`: a new
+    folder; tables are written to it as Parquet during the run, and not held in memory. `record`: a
+    file for the recording. Returns an Outcome: `metrics` by name, `robots`, `digest`, `ticks`, and
+    `picture`, which a notebook shows. Raises InputError for bad input and for a strategy that
+    raises.
 
         outcome = automaton.simulate("tabletop-mini", seed=7)
         outcome.finished, outcome.metrics["makespan"]
@@ -179,7 +180,7 @@ def sweep(
     recompute: bool = False,
     retry_failed: bool = False,
 ) -> pa.Table:
-    """Do the missing runs of a study in the folder `out`, and return all rows as an Arrow table.
+    """Make the missing runs of a study in the folder `out`, and return all rows as an Arrow table.
 
     `study`: a path, the name of a shipped one, or a Study. Without `out` no files remain. `executor`: an
     executor of concurrent.futures, which is left open; `scheduler`: a Dask cluster, by its address or
@@ -488,9 +489,9 @@ class RecordedRun:
     def simulation(self, at: int | None = None) -> Simulation:
         """A simulation that continues from a tick of the run, by default the last one.
 
-        The strategies compute the past again, so that they have their memory, and it is compared with
-        the recording. Raises InputError if there is no such tick, or this version computes a different
-        past.
+        The strategies compute the past again, which restores their memory; the result is compared
+        with the recording. Raises InputError if there is no such tick, or if this version computes
+        a different past.
         """
         from automaton.history.playback import Playback
         from automaton.recording.frames import changed, resolved_of

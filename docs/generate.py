@@ -113,9 +113,9 @@ def commands_page() -> str:
     )
     return page(
         "Commands",
-        "`automaton COMMAND --help` prints the same texts. Every command accepts `--debug`, which shows "
-        "the traceback of an error. An error is one sentence on standard error, with file and line "
-        "if known. See also [exit codes and JSON output](json.md).",
+        "`automaton COMMAND --help` prints the same texts. Every command accepts `--debug`, "
+        "which shows the traceback of an error. Errors go to standard error: one sentence "
+        "each, with file and line if known. See also [exit codes and JSON output](json.md).",
         overview,
         *(_command_section(name) for name in COMMANDS),
     )
@@ -202,9 +202,8 @@ def reachable(name: str, definitions: Schema) -> dict[str, None]:
 def struct_section(name: str, definitions: Schema, here: Iterable[str]) -> str:
     """Return a table of the keys of one struct."""
     definition = definitions[name]
-    return f"## {name}\n\n{definition.get('description', '')}\n\n" + keys_table(
-        definition, definitions, set(here)
-    )
+    description = " ".join(definition.get("description", "").split())
+    return f"## {name}\n\n{description}\n\n" + keys_table(definition, definitions, set(here))
 
 
 def keys_table(definition: Schema, definitions: Schema, here: set[str], skip: str = "") -> str:
@@ -329,16 +328,17 @@ stop: {max_duration: 8 h}
 faults: {mtbf: 400 h, repair_time: 2 h}
 ```
 
-Text is read as an exact fraction. A duration becomes floor(duration / tick + 1/2) ticks; means, rates
-and probabilities are not rounded. `automaton check` lists every inexact conversion
+Text is read as an exact fraction. A duration is rounded to floor(duration / tick + 1/2) ticks;
+means, rates and probabilities are not rounded. `automaton check` lists every inexact conversion
 (`durations.move 1.5 m/s: 1.6 ticks -> 2, 25 % slower`) and warns of errors above 2 %. The warning
-names the largest tick (of 1, 0.5, 0.25, 0.2, 0.1, 0.05, 0.02 and 0.01 s) that keeps all errors within
-2 %. A time above 0 that would become 0 ticks is an error.
+names the largest tick (of 1, 0.5, 0.25, 0.2, 0.1, 0.05, 0.02 and 0.01 s) that keeps all errors
+within 2 %. A time above 0 that would become 0 ticks is an error.
 
-A **clock time** is a date with a time, `2026-03-02 06:30`, or a time, `"06:30"`, on the day of
-`units.clock`, which is the time of tick 0. A clock time has two parts and a duration has three, so a
-duration must not be written `00:10`. If a key accepts both and the scenario has a clock, three parts
-need a date. Quote a time that YAML would read as a number to base 60: `"10:00"`.
+A **clock time** is a date with a time, such as `2026-03-02 06:30`, or only a time, such as
+`"06:30"`, on the day of `units.clock`. Tick 0 is at `units.clock`. A clock time has two parts and a
+duration has three, so never write a duration as `00:10`. If a key accepts both and the scenario has
+a clock, a text of three parts needs a date. Quote a time that YAML would read as a number to base
+60: `"10:00"`.
 
 `--set` and the levels of a study accept the same texts. Files of orders accept
 [some of them](../how-to/orders-from-a-warehouse-system.md), and `--target` of `size` accepts times:
@@ -419,12 +419,12 @@ def strategies_page() -> str:
     ]
     return page(
         "Strategies and their parameters",
-        "A scenario selects one strategy for each layer, by name (`strategy: {routing: astar}`) or "
-        "with parameters (`strategy: {routing: {name: astar, tie_break: fifo}}`). `none` means "
-        "no zoning or no charging. Lengths are in the unit of `units.cell`, or in cells if the "
-        "scenario does not set it. If `units.tick` is not a time, a tick counts as one second. "
-        "A strategy of your own is `module:Class`; see "
-        "[your own strategy](../tutorials/your-own-strategy.md).",
+        "A scenario selects one strategy for each layer, by name (`strategy: {routing: "
+        "astar}`) or with parameters (`strategy: {routing: {name: astar, tie_break: fifo}}`). "
+        "`none` means no zoning or no charging. Lengths are in the unit of `units.cell`, or "
+        "in cells if the scenario does not set it. If `units.tick` is not a time, a tick "
+        "counts as one second. Name a strategy of your own as `module:Class`; see [your own "
+        "strategy](../tutorials/your-own-strategy.md).",
         *sections,
     )
 
@@ -568,9 +568,10 @@ def contract_page() -> str:
             ((code(n), COMMAND_MEANINGS[n]) for n in _names(decisions, "CMD_")),
         ),
         "### Rules\n",
-        "A decision that breaks one of these rules is illegal. `run` lists the first three of a run and "
-        "the number by rule; `run --events`, `explain` and `verify` name layer, robot, decision and "
-        "what is allowed. N and D stand for what a strategy gave, M for a limit of the run.\n",
+        "A decision that breaks one of these rules is illegal. `run` lists the first three of "
+        "a run and the number by rule; `run --events`, `explain` and `verify` name layer, "
+        "robot, decision and what is allowed. N and D stand for values that a strategy gave, "
+        "M for a limit of the run.\n",
         table(
             ("layer", "rule", "decision", "what is allowed"),
             (
@@ -579,13 +580,14 @@ def contract_page() -> str:
             ),
         ),
         "## What it remembers\n",
-        "Declare a state in the same way as the world: `field(kind, meaning, role=CONSTANT)`. Declare a "
-        'number that the strategy writes as `calls: int = field("() int64")` and write '
-        "`state.calls += 1`; a number declared as `int64` cannot be written. The roles for strategies "
-        "are CONSTANT, SCRATCH and STOP. A field without a role persists from tick to tick and continues "
-        "in a branch, as STATE does, but it is not part of the digest, which covers only the world. "
-        "Under a radius a robot sees its own row of fields whose first dimension is `n`. All other "
-        "fields except CONSTANT ones are zeros.\n",
+        "Declare a state in the same way as the world: `field(kind, meaning, role=CONSTANT)`. "
+        'Declare a number that the strategy writes as `calls: int = field("() int64")` and '
+        "write `state.calls += 1`; a number declared as `int64` cannot be written. The roles "
+        "for strategies are CONSTANT, SCRATCH and STOP. A field without a role persists from "
+        "tick to tick and continues in a branch, like a field of role STATE. It is not part "
+        "of the digest, which covers only the world. Under a radius, a robot sees only its "
+        "own row of fields whose first dimension is `n`; all other fields except CONSTANT "
+        "ones are zeros.\n",
         table(("role", "meaning"), _roles()),
         "## One robot at a time\n",
         "With `@per_robot(layer)` a strategy is a function `decide(me, view)` that returns one of the "
@@ -759,16 +761,17 @@ def floors_page() -> str:
         "from 0 at the upper left. Stations are numbered from 1, row by row from above and each row "
         "from the left.",
         "## Symbols\n",
-        "`A` to `Z` are starts of robots, on plain floor or on a crossing. Define your own symbols in "
-        "`legend`: `x: {kind: floor, capacity: 2, exits: [east, west]}`.\n",
+        "`A` to `Z` mark start cells of robots, on plain floor or on a crossing. Define your "
+        "own symbols in `legend`: `x: {kind: floor, capacity: 2, exits: [east, west]}`.\n",
         table(("symbol", "kind", "robots at a time", "exits", "load"), symbols),
-        "Robots do not drive over shelves, destinations, racks and docks, but serve them from an "
-        "adjacent cell. With `world: {access_cell: fixed}` this is the first drivable side in the order "
-        "east, west, south, north to pick, and west, east, north, south to drop. With `nearest` it is "
-        "the adjacent cell nearest to the robot in rows and columns; a strategy of your own may choose "
-        "any. `=` is a passing aisle: one robot each way. Floor with a single exit is one-way: robots "
-        "enter it from behind and from the sides. A parking bay opens to one neighbour; a first column "
-        "of parking bays is x = -1. A matrix cannot have stations or chargers: draw such floors. In "
+        "Robots do not drive over shelves, destinations, racks and docks, but serve them from "
+        "an adjacent cell. With `world: {access_cell: fixed}` this is the first drivable side "
+        "in the order east, west, south, north to pick, and west, east, north, south to drop. "
+        "With `nearest` it is the adjacent cell nearest to the robot in rows and columns; a "
+        "strategy of your own may choose any. `=` is a passing aisle: one robot each way. "
+        "Floor with a single exit is one-way: robots enter it from behind and from the sides. "
+        "A parking bay opens to one neighbour. If the first column of a picture holds parking "
+        "bays, it is x = -1. A matrix cannot have stations or chargers; draw such floors. In "
         "pictures of a run, `@` is a cell with several robots.\n",
         "## Kinds of cells\n",
         table(("kind", "meaning"), ((code(kind.name), kind.meaning) for kind in CELL_KINDS)),
@@ -795,14 +798,16 @@ def metrics_page() -> str:
     """Every metric of a run, with its unit and meaning."""
     return page(
         "Metrics",
-        "`run` prints the metrics in this order, `run --json` has them under `metrics`, and each is a "
-        "column in the rows of a sweep. A metric that a run did not measure is absent, not 0. Robot "
-        "ticks are summed over all robots. Active ticks are those in which a robot moves, turns, picks "
-        "up, drops, stands at a stop, charges or waits for a charger, and those lost in waits, refused "
-        "moves and retreats. Ticks in the queue of a station, held back, at gates, delayed or down are "
-        "not active. Metrics that a strategy adds come last. `measure: {warm_up: N}` in a scenario adds "
-        "metrics of the tasks taken after N ticks. Under `stop: {when: never}`, all metrics of sweeps "
-        "and of `size` exclude these ticks, while `run` covers the whole run.",
+        "`run` prints the metrics in this order, `run --json` contains them under `metrics`, "
+        "and each is a column in the rows of a sweep. A metric that a run did not measure is "
+        "absent, not 0. Robot ticks are summed over all robots. A tick of a robot is active "
+        "if the robot moves, turns, picks up, drops, stands at a stop, charges or waits for a "
+        "charger, or if it loses the tick by a wait, a refused move or a retreat. A tick is "
+        "not active if the robot queues at a station, is held back, waits at a gate, is "
+        "delayed or is down. Metrics that a strategy adds come last. `measure: {warm_up: N}` "
+        "in a scenario adds metrics of the tasks taken after N ticks. With `stop: {when: "
+        "never}`, sweeps and `size` exclude these ticks from all metrics; `run` covers the "
+        "whole run.",
         table(
             ("metric", "unit", "meaning"),
             ((code(name), unit, meaning) for name, (unit, meaning) in METRIC_CATALOGUE.items()),
@@ -851,9 +856,10 @@ def conditions_page() -> str:
     """Conditions on robots, and the causes of lost time for use in them."""
     return page(
         "Conditions and causes of waiting",
-        "The viewer can stop at a condition (`b`) and find the robots that meet one (`/`). A condition "
-        "is one of the events below, or comparisons of fields of a robot, joined with `and`, `or` and "
-        "`not`: `loaded and waiting > 20`, `cause == 'head-on'`.",
+        "The viewer can stop at a condition (`b`) and find the robots that meet one (`/`). A "
+        "condition is one of the events below, or an expression of the fields of a robot, "
+        "with comparisons, `and`, `or` and `not`: `loaded and waiting > 20`, `cause == "
+        "'head-on'`.",
         "## Events\n",
         table(
             ("condition", "holds when"), ((code(name), meaning) for name, meaning in EVENTS.items())
@@ -873,12 +879,15 @@ def conditions_page() -> str:
 TABLE_ROWS: Final = {  # table: what a row stands for
     "orders": "an order of the scenario",
     "lines": "a line of an order; the table is empty if orders have no lines",
-    "trips": "a pod that is lifted, carried to stations and stored; without lines, an order",
-    "events": "an event; with `--events`",
-    "states": "a robot after a tick; with `--states`",
-    "robots": "a robot, with its values in `run --json`",
+    "trips": (
+        "a trip of a pod, which is lifted, carried to stations and stored; if orders have no "
+        "lines, a row is an order"
+    ),
+    "events": "an event (with `--events`)",
+    "states": "the state of a robot after a tick (with `--states`)",
+    "robots": "a robot, with the values of `run --json`",
     "stations": "a station that receives pods or works on parts",
-    "cells": "a drivable cell; with `--events` or `--states`",
+    "cells": "a drivable cell (with `--events` or `--states`)",
 }
 
 
@@ -942,8 +951,8 @@ def formats_page() -> str:
         "[metric](metrics.md), which is null if the run did not measure it. `delivered` and the metrics "
         "exclude the warm-up, if there is one; `ticks` and `orders` cover the whole run. Studies of a "
         f"steady state add `{study.SERIES_COLUMN}` (deliveries per window) and "
-        f"`{study.SUMS_COLUMN}` (sums per stretch). Where a tick is a time, "
-        f"`{study.PERIODS_COLUMN}` has the run by quarter of an hour (by hour if it is long).\n",
+        f"`{study.SUMS_COLUMN}` (sums per section). If a tick is a time, "
+        f"`{study.PERIODS_COLUMN}` contains the run by quarters of an hour (by hours if it is long).\n",
         table(("column", "type"), columns),
     )
 
@@ -966,11 +975,10 @@ def python_page() -> str:
             sections += [f"### {kind.__name__}\n", _prose(kind), table(("member", "meaning"), rows)]
     return page(
         "Python API",
-        "The names that `import automaton` offers. Each is loaded when first used, so the import itself "
-        "is fast. An InputError is one sentence: the place, the value found, and the allowed values. See "
-        "also "
-        "[keys of scenarios](scenario.md), [metrics](metrics.md) and "
-        "[what a strategy sees and decides](strategy-contract.md).",
+        "`import automaton` offers the names on this page. Each is loaded when first used, so "
+        "the import itself is fast. The text of an InputError is one sentence: the place, the "
+        "value found, and the allowed values. See also [keys of scenarios](scenario.md), "
+        "[metrics](metrics.md) and [what a strategy sees and decides](strategy-contract.md).",
         *sections,
     )
 

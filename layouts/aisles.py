@@ -41,12 +41,19 @@ class Aisles(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tr
     aisles: Annotated[int, Meta(ge=2, le=2000, description="Aisles side by side.")] = 16
     sections: Annotated[int, Meta(ge=1, le=500, description="Sections one below another.")] = 2
     length: Annotated[int, Meta(ge=1, le=2000, description="Cells of an aisle in a section.")] = 9
-    one_way: Annotated[bool, Meta(description="Aisles lead alternately down and up.")] = False
-    pockets: Annotated[bool, Meta(description="Stations stand in pockets below the floor.")] = False
+    one_way: Annotated[
+        bool, Meta(description="Whether aisles are one-way, alternately down and up.")
+    ] = False
+    pockets: Annotated[
+        bool, Meta(description="Whether stations stand in pockets below the floor.")
+    ] = False
 
     shelves: Annotated[
         bool,
-        Meta(description="Shelves beside the aisles, and destinations below in place of stations."),
+        Meta(
+            description="Whether shelves stand beside the aisles, and destinations below in "
+            "place of stations."
+        ),
     ] = False
 
     def __post_init__(self) -> None:

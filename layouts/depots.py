@@ -91,14 +91,16 @@ def cells_of(lane: Lane) -> list[tuple[int, int]]:
 
 
 class Depots(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """Depots and stations, as in De Ryck et al.; a cell is 10 m wide, robots pass each other."""
+    """Depots and stations, as in De Ryck et al.; a cell is 10 m wide, and robots pass each other."""
 
     lanes: Annotated[
         Literal["full", "comb"],
-        Meta(description="comb leaves out the lanes between stations 9 to 13."),
+        Meta(
+            description="Lanes between the stations 9 to 13. full: with them; comb: without them."
+        ),
     ] = "full"
     chargers: Annotated[
-        tuple[int, ...], Meta(description="Positions with a charger, of 1 to 17.")
+        tuple[int, ...], Meta(description="Positions with a charger, from 1 to 17.")
     ] = (2,)
 
     def __post_init__(self) -> None:

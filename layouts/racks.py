@@ -60,9 +60,9 @@ class Racks(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tru
     preset: Annotated[
         Literal["E1", "E2", "L1"],
         Meta(
-            description="Source of the numbers that are left out. E1: 5,769 racks, 522 segments, "
-            "1,044 with one for each direction; E2: 5,769 racks, 1,044 segments and intersections "
-            "but for dead ends; L1: 5,504 racks, 1,078 of them."
+            description="Preset that gives the values you leave out. E1: 5,769 racks and 522 segments "
+            "(1,044 if each direction counts); E2: 5,769 racks, and 1,044 segments and intersections "
+            "outside dead ends; L1: 5,504 racks, and 1,078 such segments and intersections."
         ),
     ] = "E1"
     rows: Annotated[Cells | None, Meta(description="Cells from top to bottom, walls included.")] = (
@@ -77,11 +77,17 @@ class Racks(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tru
     ] = None
     last_row: Annotated[
         Annotated[int, Meta(ge=0, le=4096)] | None,
-        Meta(description="Racks in the row below the last aisle, if one is left over; 0: wall."),
+        Meta(
+            description="Racks in the row that is left over below the last aisle, if any; 0: "
+            "this row is wall."
+        ),
     ] = None
     closed: Annotated[
         tuple[tuple[int, int], ...] | None,
-        Meta(description="Cells [x, y] of aisles: from highway to highway, racks stand there."),
+        Meta(
+            description="Cells [x, y] of aisles that are closed: racks fill the aisle from one "
+            "highway to the next."
+        ),
     ] = None
     capacity: Annotated[
         Literal[0, 1, 2],

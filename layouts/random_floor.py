@@ -33,12 +33,12 @@ Side = Annotated[int, Meta(ge=2, le=4096)]
 
 
 class RandomFloor(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """An open floor for one robot in a cell, with obstacles at random."""
+    """An open floor for one robot in a cell, with random obstacles."""
 
     columns: Annotated[Side, Meta(description="Cells from left to right.")] = 32
     rows: Annotated[Side, Meta(description="Cells from top to bottom.")] = 32
     obstacles: Annotated[
-        float, Meta(ge=0, le=0.4, description="Share of the cells that are drawn as walls.")
+        float, Meta(ge=0, le=0.4, description="Share of the cells that are walls.")
     ] = 0.2
     floor_seed: Annotated[int, Meta(ge=0, le=2**32, description="Seed that places the walls.")] = 1
 

@@ -57,7 +57,7 @@ COMMANDS_BY_SUBJECT = {  # {name: (module with add_arguments(parser) and run(arg
         "size": ("automaton.commands.size_command", "find the smallest fleet that meets a target"),
         "what-if": (
             "automaton.commands.what_if_command",
-            "compare changes of a scenario with the scenario as it is",
+            "compare changes of a scenario with the unchanged scenario",
         ),
         "bottlenecks": (
             "automaton.commands.bottlenecks_command",

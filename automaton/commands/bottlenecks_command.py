@@ -139,15 +139,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("--only", type=kinds_of, default=search.KINDS, metavar="KINDS", help=text)
     text = "also try the changes in a YAML file, each as {name: NAME, set: {KEY: VALUE, ...}}"
     add("--changes", type=Path, metavar="FILE", help=text)
-    text = "try at most N changes, first those near which most time is lost (default: 150)"
+    text = "try at most N changes, beginning where most time is lost (default: 150)"
     add("--most", type=whole("a number of changes", 1, 10_000), default=150, metavar="N", help=text)
     add(
         "--pairs",
         type=pairs_of,
         default=(20, 100),
         metavar="N,M",
-        help="screen each change with N pairs of runs, and confirm the best with M further pairs "
-        "(default: 20,100)",
+        help="screen each change with N pairs of runs, and confirm the best changes with M more "
+        "pairs (default: 20,100)",
     )
     text = "rank by this metric (default: throughput; makespan, if runs end by themselves)"
     add("--metric", metavar="NAME", help=text)

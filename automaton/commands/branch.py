@@ -56,7 +56,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="TICK",
         help="apply the new settings after this tick",
     )
-    what = "change strategy, durations, information, world, stop or streets; may be repeated"
+    what = (
+        "change a value of strategy, durations, information, world, stop or streets; may be "
+        "repeated"
+    )
     add_settings_argument(parser, what)
     text = "record the branch in FILE (default: RECORDING-at-TICK.rec)"
     add("--out", type=Path, metavar="FILE", help=text)

@@ -61,13 +61,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_settings_argument(parser)
     add_refinement_arguments(parser)
     parser.add_argument(
-        "--matrix", type=Path, metavar="CSV", help="write the floor as a matrix of cell codes"
+        "--matrix",
+        type=Path,
+        metavar="CSV",
+        help=("write the floor to CSV as a matrix of cell codes"),
     )
     parser.add_argument(
         "--trial",
         action="store_true",
-        help="run each scenario for 500 ticks or 2,000,000 robot ticks, whichever is more, and report "
-        "jams, robots without progress and exceeded bounds",
+        help="also run each scenario briefly, for 500 ticks or 2,000,000 robot ticks (ticks x "
+        "robots), whichever is more, and report jams, robots without progress and exceeded "
+        "bounds",
     )
     add_json_argument(parser)
 

@@ -32,7 +32,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "file",
         nargs="*",
         metavar="FILE",
-        help="scenarios and studies (default: the world, the shipped scenarios and all strategies)",
+        help="scenario and study files to compile for (default: the shipped scenarios and all "
+        "strategies)",
     )
 
 

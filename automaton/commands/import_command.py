@@ -54,8 +54,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--robots",
         type=whole("a number of robots", 1, 1_000_000),
         metavar="N",
-        help="set the number of robots. A problem starts its first N robots, a folder those of its file "
-        "with N starts; a map without starts gets random ones",
+        help="set the number of robots: a problem uses its first N robots, a folder its file with "
+        "N robots; on a map without start cells, robots start in random cells",
     )
     add(
         "--ticks",
@@ -76,8 +76,8 @@ def add_layout_arguments(parser: argparse.ArgumentParser) -> None:
         "--cell",
         type=measured("a length", "0.5m", exact_length),
         metavar="0.5m",
-        help="set the side of a cell (default: for a layout, the largest side that fits; for a "
-        "map, the fewest whole pixels that hold --robot)",
+        help="set the side of a cell (default for a layout: the largest side that fits; for an "
+        "image: the least number of whole pixels as wide as --robot)",
     )
     add(
         "--tick",
@@ -111,7 +111,8 @@ def add_layout_arguments(parser: argparse.ArgumentParser) -> None:
         type=share,
         default=DEFAULTS.accept,
         metavar="5%",
-        help="accept edges with up to this relative error (default: 5%%)",
+        help="accept a cell size if it changes the length of each edge by at most this share "
+        "(default: 5%%)",
     )
 
 

@@ -35,12 +35,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("--parquet", type=Path, metavar="FILE", help=text)
     text = "write a zip with all inputs, results, versions and digests, for `automaton verify`"
     add("--archive", type=Path, metavar="FILE", help=text)
-    text = "write a CSV file with a line per point and hour (or --every)"
+    text = "write a CSV file with a line per point and period (see --every)"
     add("--periods", type=Path, metavar="FILE", help=text)
     add(
         "--every",
         metavar="PERIOD",
-        help="show results by this period instead of by hour: a time such as 30min, a multiple of 15 min",
+        help="divide results into periods of this length: a multiple of 15 min, such as 30min "
+        "(default: 1 h)",
     )
     add(
         "--floor",

@@ -41,18 +41,21 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         type=whole("a seed", 1),
         default=1,
         metavar="N",
-        help="start with this seed (default: 1); other seeds may change the verdicts",
+        help="use seeds from this one on (default: 1); other seeds may change the verdicts",
     )
     parser.add_argument(
-        "--strategies", default="", metavar="A,B", help="run these, not the published strategies"
+        "--strategies",
+        default="",
+        metavar="A,B",
+        help=("run these strategies instead of the published ones"),
     )
     parser.add_argument(
         "--tables",
         nargs="?",
         const="",
         metavar="A,B",
-        help="print all tables, claims and remarks instead of the first screen only; with names, "
-        "compute only these tables (some are computed only if named)",
+        help="print all tables, claims and remarks, not only the first screen; with names, compute "
+        "only these tables, some of which are computed only if named",
     )
     add_settings_argument(
         parser,
@@ -65,7 +68,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--data",
         type=Path,
         metavar="FOLDER",
-        help="run the published problems in this folder, for tables whose problems are not shipped",
+        help="read the published problems from this folder (for tables whose problems are not "
+        "shipped)",
     )
     add_output_arguments(parser)
 

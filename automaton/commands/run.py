@@ -304,8 +304,8 @@ def add_table_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--events",
         action="store_true",
-        help="with --csv, --parquet or --xlsx, add tables of events and of cells; without them, "
-        "print the events",
+        help="print all events; with --csv, --parquet or --xlsx, write tables of events and of "
+        "cells instead",
     )
 
 

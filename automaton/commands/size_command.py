@@ -67,24 +67,32 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("--target", metavar="T", help=text)
     add("--robots", metavar="A..B", help="test fleets of A to B robots")
     text = (
-        "instead of --robots: test A to B open stations or chargers with the fleet as it is; or find the "
-        "best limit strategy.allocation.active by --target METRIC (default: throughput or makespan)"
+        "vary WHAT instead of robots. For stations or chargers, find the smallest number of "
+        "open ones; for strategy.allocation.active, find the limit with the best value of the "
+        "metric --target (default: throughput or makespan)"
     )
     add("--vary", nargs=2, metavar=("WHAT", "A..B"), help=text)
     text = (
-        "test every Nth number (default: 1; for strategy.allocation.active, five steps from A to B)"
+        "test every Nth number from A to B (default: 1; for strategy.allocation.active, a "
+        "fifth of the range)"
     )
     add("--step", type=whole("a step", 1), metavar="N", help=text)
-    text = "with --robots, keep TYPE at N robots (slow=12), or all types in a ratio (slow:fast=1:3)"
+    text = (
+        "with --robots, fix the number of robots of a type (slow=12) or the ratio of all types "
+        "(slow:fast=1:3)"
+    )
     add("--mix", metavar="TYPE=N", help=text)
-    text = "answer for each of the conditions in a file of {name, set}, with the same seeds"
+    text = (
+        "repeat the search under each condition of a YAML file, a list of {name, set}; all use "
+        "the same seeds"
+    )
     add("--conditions", type=Path, metavar="FILE", help=text)
     add(
         "--success-share",
         type=positive_share,
         metavar="P",
-        help="require this share of the runs to meet the target (default: 0.95; in a steady state the "
-        "mean has to meet it, as with --mean)",
+        help="require this share of the runs to meet the target (default: 0.95; in a steady state "
+        "the mean is compared with the target, as with --mean)",
     )
     add(
         "--mean",
@@ -95,15 +103,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add(
         "--assure",
         action="store_true",
-        help="let a fleet pass only if it is shown that at least the required share of all days meets "
-        "the target",
+        help="pass a fleet only if the runs show, with the confidence of --alpha, that at least "
+        "the required share of all days meets the target",
     )
     add(
         "--indifference",
         type=positive,
         metavar="Z",
-        help="accept either verdict if the true share is within P +- Z (default: 0.02); with --mean, "
-        "if the mean is within Z of the target (default: 1 %% of it)",
+        help="allow either verdict if the true share is within Z of --success-share (default: "
+        "0.02); with --mean, if the true mean is within Z of the target (default: 1 %% of the "
+        "target)",
     )
     add(
         "--alpha",
@@ -121,9 +130,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     text = "compare these strategies, such as independent,cooperative"
     add("--strategies", metavar="A,B", help=text)
-    text = "print the price of the fleet, at P per robot (or per station or charger that varies)"
+    text = (
+        "also print the price of the answer, at P per robot (with --vary: per station or charger)"
+    )
     add("--price", type=positive, default=0.0, metavar="P", help=text)
-    text = "keep the runs in this folder; the same command then does only the missing runs"
+    text = "store the runs in this folder; if the command is repeated, only missing runs are made"
     add("--out", type=Path, metavar="DIR", help=text)
     add_workers_argument(parser)
     text = "write plots of shares and means as PNG and SVG (needs fleet-automaton[plots])"

@@ -42,8 +42,8 @@ ZIP_BEGINS: Final = b"PK"
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The arguments of `automaton verify`."""
     text = (
-        "a recording, a results folder or its archive, whose strategies are executed; with --problem, an "
-        "output file"
+        "a recording, or a results folder or its archive; strategies in it are executed. With "
+        "--problem, the output of the other program"
     )
     parser.add_argument("file", metavar="FILE", help=text)
     parser.add_argument(

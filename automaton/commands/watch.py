@@ -1,4 +1,5 @@
-"""Watch a scenario while it runs: play, step, go back, ask why a robot waits, branch off.
+"""Watch a scenario while it runs: play, step, go back, ask why a robot waits, or try other settings
+from any tick.
 
 Exit code 0: quit with q; 2: bad input; 130: Ctrl-C. Without a terminal: as `automaton run`.
 """

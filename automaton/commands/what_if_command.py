@@ -1,4 +1,4 @@
-"""Compare changes of a scenario with the scenario as it is, in pairs of runs with the same seed.
+"""Compare changes of a scenario with the unchanged scenario, in pairs of runs with the same seed.
 
 Exit code 0: compared; 1: some runs failed; 2: bad input; 130: stopped by Ctrl-C; 143: by
 SIGTERM. The results so far are printed before.
@@ -71,7 +71,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def add_run_arguments(parser: argparse.ArgumentParser) -> None:
     """The arguments of commands that compare changes: how to do the runs, and where results go."""
     add_workers_argument(parser, 1024)
-    text = "keep the results in this folder; the same command then does only the missing runs"
+    text = (
+        "store the results in this folder; if the command is repeated, only missing runs are made"
+    )
     parser.add_argument("--out", type=Path, metavar="DIR", help=text)
     parser.add_argument(
         "--recompute",

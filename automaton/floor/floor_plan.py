@@ -135,7 +135,7 @@ CELL_KINDS: Final = (
     Kind(
         STORAGE,
         "storage",
-        "floor where a pod stands, under which robots drive",
+        "floor where a pod can stand; robots drive under it",
         drivable=True,
         stand=ON_IT,
         holds=ONE_LOAD,

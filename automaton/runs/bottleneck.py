@@ -184,7 +184,7 @@ def facts(resource: str, period: Period, robots: int, stations: Sequence[str] = 
             )
         return [
             f"{number(round(busy, 1))} of {every} busy",
-            f"{number(round(queue, 1))} robots standing on the way to one",
+            f"{number(round(queue, 1))} robots standing on the way to a charger",
         ]
     if resource == "traffic":
         at_work = period.on_orders + period.in_traffic
@@ -193,7 +193,9 @@ def facts(resource: str, period: Period, robots: int, stations: Sequence[str] = 
     if resource == "robots":
         texts = [f"{number(round(period.on_orders, 1))} of {count(robots, 'robot')} on orders"]
         energy = energy_of(period)
-        return texts + ([f"{number(round(energy, 1))} for energy"] if energy else [])
+        return texts + (
+            [f"{number(round(energy, 1))} charging, or on the way to a charger"] if energy else []
+        )
     mean = sum(period.stations) / max(len(period.stations), 1)
     if resource == "stations":
         queue = sum(period.station_queues)

@@ -100,34 +100,32 @@ class LongestDeadlock(NamedTuple):
 class Outcome(NamedTuple):
     """The result of a run."""
 
-    finished: bool  # stop condition met, or last tick reached in a scenario without one
-    ticks: int  # executed ticks
-    orders: int  # customer orders
-    delivered: int  # delivered customer orders
-    digest: str  # of the state at the end, 16 hex digits
-    wall_s: float | None  # of the run itself, without start-up; None for a replay
-    metrics: dict[str, float | int]  # by name, times in ticks
+    finished: bool  # whether the run met its stop condition, or reached its last tick without one
+    ticks: int  # number of executed ticks
+    orders: int  # number of customer orders
+    delivered: int  # number of delivered customer orders
+    digest: str  # digest of the final state, 16 hex digits
+    wall_s: float | None  # seconds of the run, without start-up; None for a replay
+    metrics: dict[str, float | int]  # metrics by name, times in ticks
     robots: list[dict[str, Any]]  # metrics of each robot
-    diagnosis: str  # why it did not finish, one phrase; "" if it did
+    diagnosis: str  # why the run did not finish, as a phrase; "" if it did
     stopped: bool  # whether the run was stopped at the requested tick
     circles: list[tuple[int, ...]]  # the robots of each wait cycle at the end
-    jam: Jam | None  # largest jam at the end
-    ran_out: (
-        OrdersExhausted | None
-    )  # when orders ran out; None if they did not, or if the run ends with its orders
-    types: Sequence[dict[str, Any]] = ()  # metrics by type of robot, where there are several
+    jam: Jam | None  # the largest jam at the end, or None
+    ran_out: OrdersExhausted | None  # when orders ran out, if the run goes on without orders
+    types: Sequence[dict[str, Any]] = ()  # metrics by type of robot, if there are several
     stations: Sequence[dict[str, Any]] = ()  # metrics by station, if robots carry pods to stations
-    chargers: Sequence[dict[str, Any]] = ()  # metrics by charger, where robots have batteries
-    priorities: Sequence[dict[str, Any]] = ()  # metrics by priority, where orders have several
-    classes: Sequence[dict[str, Any]] = ()  # metrics by class, where orders have classes
-    uses: Mapping[str, int] = {}  # robot ticks by what they were used for
-    periods: Sequence[Period] = ()  # the run by hour, or by other stretches
-    by_period: bool = False  # whether they are what was asked for, and two at least
-    deadlock: LongestDeadlock | None = None  # None: the run had no deadlock
-    illegal: IllegalDecisions = NO_ILLEGAL_DECISIONS
-    tables: Any = None  # of `simulate(tables=True)`: automaton.tables.table_files.Tables
+    chargers: Sequence[dict[str, Any]] = ()  # metrics by charger, if robots have batteries
+    priorities: Sequence[dict[str, Any]] = ()  # metrics by priority, if there are several
+    classes: Sequence[dict[str, Any]] = ()  # metrics by class, if orders have classes
+    uses: Mapping[str, int] = {}  # robot ticks by use
+    periods: Sequence[Period] = ()  # the run by hour, or by other periods
+    by_period: bool = False  # whether periods were requested, and there are two at least
+    deadlock: LongestDeadlock | None = None  # the longest deadlock, or None
+    illegal: IllegalDecisions = NO_ILLEGAL_DECISIONS  # illegal decisions of strategies
+    tables: Any = None  # tables, of `simulate(tables=True)`: automaton.tables.table_files.Tables
     picture: FloorPicture | None = None  # the floor at the end, of `simulate`
-    recording: Any = None  # of `simulate(record=FILE)`: automaton.python_api.RecordedRun
+    recording: Any = None  # the recording, of `simulate(record=FILE)`: python_api.RecordedRun
 
     def film(self, **options: Any) -> Any:
         """Return the run as a film for a notebook; see RecordedRun.film.

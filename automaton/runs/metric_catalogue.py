@@ -19,8 +19,8 @@ PER_1000_TICKS: Final = "orders/1000 ticks"  # of every throughput, here and in 
 METRIC_CATALOGUE: dict[str, tuple[str, str]] = {
     "makespan": (
         "ticks",
-        "duration of a run that ends by itself: until all orders are delivered or, by stop.when, "
-        "until all robots are parked as well",
+        "duration of a run that ends by itself: time until all orders are delivered and, with "
+        "stop.when: parked, all robots are parked",
     ),
     "operations_per_robot": ("operations", "mean number of operations of a robot"),
     "operations": ("operations", "number of operations of all robots"),
@@ -42,7 +42,7 @@ METRIC_CATALOGUE: dict[str, tuple[str, str]] = {
     "trips": ("trips", "number of pods that were lifted, served and stored again"),
     "pod_moves": (
         "pods",
-        "number of pods stored in another cell than the one they were lifted from",
+        "number of times that a pod was stored in another cell than the one it was lifted from",
     ),
     "legs_per_order": ("pick-ups", "mean number of pick-ups per delivered load"),
     "utilization": (
@@ -56,16 +56,16 @@ METRIC_CATALOGUE: dict[str, tuple[str, str]] = {
     ),
     "blocked_share": (
         "share",
-        "share of the time in which robots have something to do that they lose in traffic, without "
-        "queues of stations and chargers",
+        "time lost in traffic / time in which robots have something to do; queues of stations "
+        "and chargers do not count as traffic",
     ),
     "station_queue_share": (
         "share",
-        "share of the time in which robots have something to do that they spend in queues of stations",
+        "time spent in queues of stations / time in which robots have something to do",
     ),
     "charger_queue_share": (
         "share",
-        "share lost on the way to chargers of the time in which robots have something to do",
+        "time lost on the way to chargers / time in which robots have something to do",
     ),
     "task_time": ("ticks", "mean time from taking an order to its delivery, including both ticks"),
     "delay": ("ticks", "mean extra time of a task compared with an empty floor"),
@@ -88,13 +88,13 @@ METRIC_CATALOGUE: dict[str, tuple[str, str]] = {
     ),
     "lost_charger_queue": (
         "ticks",
-        "time lost by robots that are sent to charge and cannot, wherever they stand",
+        "time lost by robots that have been sent to charge and cannot, wherever they wait",
     ),
     "lost_station_queue": ("ticks", "time spent in the queue of a station"),
     "lost_illegal": ("ticks", "time spent standing after an illegal decision of a strategy"),
     "lost_held_back": (
         "ticks",
-        "time for which a steering right-of-way strategy held robots back",
+        "time for which the right-of-way strategy made robots wait",
     ),
     "lost_at_gates": ("ticks", "time spent waiting before closed cells, doors, blocks and lifts"),
     "lost_following": (
@@ -103,8 +103,8 @@ METRIC_CATALOGUE: dict[str, tuple[str, str]] = {
     ),
     "lost_making_way": (
         "ticks",
-        "time spent on moves for orders that later moves undo, and on turns that the next move "
-        "did not need",
+        "time spent on moves for orders that later moves undo, and on turns that the next "
+        "move did not need",
     ),
     "slowdown_ticks": (
         "ticks",
@@ -115,7 +115,7 @@ METRIC_CATALOGUE: dict[str, tuple[str, str]] = {
         "times",
         "number of wait cycles in which no robot did anything else for 64 ticks",
     ),
-    "deadlock_time": ("ticks", "robot time spent in deadlocks, their first 64 ticks included"),
+    "deadlock_time": ("ticks", "robot time spent in deadlocks, including their first 64 ticks"),
     "longest_standstill": ("ticks", "duration of the longest deadlock"),
     "retreats": ("times", "number of retreats"),
     "lead_time": ("ticks", "mean time from the release of an order to its delivery"),
@@ -127,26 +127,26 @@ METRIC_CATALOGUE: dict[str, tuple[str, str]] = {
     ),
     "late_share": (
         "share",
-        "late orders / released orders with a due time, without those of not_yet_due; late: "
-        "delivered after the due time, or still open past it",
+        "share of orders with a due time that were late: delivered after it, or still open "
+        "past it; orders of not_yet_due are excluded",
     ),
     "not_yet_due": (
         "orders",
-        "number of orders still open at the end whose due time lies later; not included in late_share",
+        "number of orders that are open at the end but not yet due; late_share excludes them",
     ),
     "tardiness": (
         "ticks",
-        "mean time by which orders were late; 0 for orders on time, and open orders count as "
-        "delivered at the end",
+        "mean time by which orders were late; orders on time count as 0, and open orders "
+        "count as delivered at the end",
     ),
     "tardiness_p95": ("ticks", "95th percentile of the tardiness of orders with a due time"),
     "tardiness_p99": ("ticks", "99th percentile of the tardiness of orders with a due time"),
     "oldest_order": ("ticks", "age of the oldest order still open at the end"),
     "starved_robots": (
         "robots",
-        "number of robots at the end that have work but completed no task in the last 500 ticks, "
-        "or in four times the drive across the floor if that is longer; not those that are served or "
-        "queue before a station that serves",
+        "number of robots that have work at the end but completed no task in the last 500 "
+        "ticks (in four times the drive across the floor, if that is longer); robots that are "
+        "served, or queue at a station that serves, are not counted",
     ),
     "energy": ("batteries", "energy used, in full batteries"),
     "charging_share": ("share", "share of robot time spent at chargers"),

@@ -334,7 +334,7 @@ def sums_of_orders(world: World, borders: Array) -> dict[str, Array]:
 def sums_of_lines(world: World, borders: Array) -> dict[str, Array]:
     """Numbers of lines, pod visits and trips done in each stretch between borders.
 
-    Also the number of pods stored in another cell than the one they were lifted from.
+    Also the number of times that a pod was stored in another cell than the one it was lifted from.
     """
     lines, orders, visits = world.lines, world.orders, world.stops
     ticks = lines.done[lines.done != NIL], visits.done[visits.done != NIL]

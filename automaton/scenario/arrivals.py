@@ -64,7 +64,12 @@ class ClosedLoop(ConfigSection, frozen=True, kw_only=True):
     """A closed loop: each delivery releases the next order, one tick later."""
 
     in_system: Annotated[
-        int, Meta(ge=1, le=1_000_000, description="Number of open orders, until no order is left.")
+        int,
+        Meta(
+            ge=1,
+            le=1_000_000,
+            description="Number of orders that are open at a time, until no order is left.",
+        ),
     ]
 
 
@@ -74,7 +79,7 @@ Size = Annotated[float, Meta(ge=0, le=MAX_BATCH)]
 
 
 class SizeRange(ConfigSection, frozen=True, kw_only=True):
-    """A uniformly distributed size of a batch."""
+    """A uniformly distributed batch size."""
 
     least: Annotated[Size, Meta(description="The smallest size.")] = field(name="from")
     most: Annotated[Size, Meta(description="The largest size.")] = field(name="to")
@@ -85,14 +90,14 @@ class SizeRange(ConfigSection, frozen=True, kw_only=True):
 
 
 class LognormalSize(ConfigSection, frozen=True, kw_only=True):
-    """A size of a batch whose logarithm is normally distributed."""
+    """A batch size whose logarithm is normally distributed."""
 
     mean: Annotated[float, Meta(gt=0, le=MAX_BATCH, description="Mean, in orders.")]
     sd: Annotated[float, Meta(ge=0, le=MAX_BATCH, description="Standard deviation, in orders.")]
 
 
 class BatchSize(ConfigSection, frozen=True, kw_only=True):
-    """A random size of a batch, rounded half up, at least 1; exactly one distribution is given."""
+    """A random batch size, rounded half up, at least 1. Set exactly one distribution."""
 
     uniform: SizeRange | None = None
     lognormal: LognormalSize | None = None
@@ -137,10 +142,10 @@ class Arrivals(ConfigSection, frozen=True, kw_only=True):
     profile: Annotated[
         NonEmptyText | tuple[HourlyRate, ...] | None,
         Meta(
-            description="Rates by the hour of the week, a list or a CSV file with the columns "
-            "weekday (1 to 7 from Monday), hour (0 to 23) and orders (mean number of orders in the "
-            "hour); path relative to the scenario. Days without rows have no orders. It needs a "
-            "date in units.clock. Orders arrive until the run ends, at most `count`."
+            description="Rates by the hour of the week: a list, or a CSV file (path relative to the "
+            "scenario) with the columns weekday (1 to 7 from Monday), hour (0 to 23) and orders (mean "
+            "number of orders in the hour). Days without rows have no orders. A profile needs a date "
+            "in units.clock. Orders arrive until the run ends or `count` orders have arrived."
         ),
     ] = None
     batch: Annotated[

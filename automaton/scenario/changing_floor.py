@@ -114,9 +114,9 @@ class SpeedLimit(ConfigSection, frozen=True, kw_only=True):
     max_speed: Annotated[
         MoveTicks,
         Meta(
-            description="A move between two of the cells takes at least as long as at this speed; "
-            "a plain number is the least duration in ticks. With `world.slowdown: zones` the "
-            "duration is then multiplied by the number of robots in the traffic zone."
+            description="The greatest speed of a move between two of the cells; a plain number is the "
+            "least duration of such a move, in ticks. With `world.slowdown: zones`, this "
+            "duration is multiplied by the number of robots in the traffic zone."
         ),
     ]
 
@@ -211,8 +211,8 @@ class Block(ConfigSection, frozen=True, kw_only=True):
     direction: Annotated[
         Literal["any", "same"],
         Meta(
-            description="Direction in which robots enter. same: while the block is occupied, only "
-            "at the cell where the previous robot entered; any: at any cell."
+            description="Where robots may enter. any: at any cell; same: while the block is occupied, "
+            "only at the cell where the previous robot entered."
         ),
     ] = "any"
 
@@ -237,20 +237,22 @@ class Lift(ConfigSection, frozen=True, kw_only=True):
 
 
 class ChangingFloor(ConfigSection, frozen=True, kw_only=True):
-    """Closings, doors, blocks, lifts, speed limits, and the open stations and chargers of the floor."""
+    """What limits traffic on the floor: closings, doors, blocks, lifts, speed limits, and the
+    numbers of open stations and chargers.
+    """
 
     open_stations: Annotated[
         Annotated[int, Meta(ge=1, le=100_000)] | None,
         Meta(
-            description="Number of stations that are open: the first ones of `stations`, then those "
-            "without a name by their numbers. The others are plain floor. null: all."
+            description="Number of open stations. Stations open in the order of `stations`, then by "
+            "number; closed ones are plain floor. null: all stations are open."
         ),
     ] = None
     open_chargers: Annotated[
         Annotated[int, Meta(ge=0, le=100_000)] | None,
         Meta(
-            description="Number of chargers that are open: the first ones in reading order. The others "
-            "are plain floor. null: all."
+            description="Number of open chargers. Chargers open in reading order; closed ones are plain "
+            "floor. null: all chargers are open."
         ),
     ] = None
     closed: Annotated[
@@ -260,9 +262,9 @@ class ChangingFloor(ConfigSection, frozen=True, kw_only=True):
     replan_after: Annotated[
         Lasting | Literal["30 s"] | None,
         Meta(
-            description="Ticks that a robot waits in front of a closed cell before it is rerouted "
-            "around closed cells, at most once per closing; null: never. The default is 30 ticks where "
-            "a tick has no unit of time."
+            description="Ticks that a robot waits in front of a closed cell before it gets a "
+            "route around closed cells, at most once per closing. null: never. If a tick has "
+            "no unit of time, the default is 30 ticks."
         ),
     ] = "30 s"
     doors: Annotated[tuple[Door, ...], Meta(max_length=MAX_GATE_ENTRIES, description="Doors.")] = ()
@@ -277,13 +279,15 @@ class ChangingFloor(ConfigSection, frozen=True, kw_only=True):
     speed_limits: Annotated[
         tuple[SpeedLimit, ...],
         Meta(
-            description="Cells with a speed limit; where several limits apply, the slowest one "
-            "counts."
+            description="Cells with a speed limit; where several limits apply, the slowest one counts."
         ),
     ] = ()
     levels: Annotated[
         dict[SingleLine, Rectangle],
-        Meta(description="Named rectangles that lifts connect, for reports."),
+        Meta(
+            description="Names of levels in reports. Each level is a rectangle of the floor; "
+            "lifts connect levels."
+        ),
     ] = msgspec.field(default_factory=dict)
 
     @property
@@ -326,26 +330,38 @@ class StreetPlan(ConfigSection, frozen=True, kw_only=True):
     preset: Annotated[
         Literal["crisscross"] | None,
         Meta(
-            description="crisscross: rows run east and west in turn, columns south and north; the first "
-            "row runs east, the first column north."
+            description="A pattern of streets. crisscross: rows alternate between east and west, columns "
+            "between north and south; the first row runs east, the first column north."
         ),
     ] = None
     scale: Annotated[
         Annotated[float, Meta(gt=0, le=MOST_WEIGHT)] | Literal["mean"],
-        Meta(description="A factor of all weights; mean: such that the mean weight of moves is 1."),
+        Meta(
+            description="Factor by which all weights are multiplied. mean: the factor that makes "
+            "the mean weight of moves 1."
+        ),
     ] = 1.0
     along: Annotated[
-        float, Meta(ge=LEAST_WEIGHT, le=MOST_WEIGHT, description="crisscross: along a street.")
+        float,
+        Meta(
+            ge=LEAST_WEIGHT,
+            le=MOST_WEIGHT,
+            description="crisscross: the weight of moves along a street.",
+        ),
     ] = 0.5
     against: Annotated[
         Weight, Meta(description="crisscross: the weight of moves against a street, or closed.")
     ] = 1.0
     wait: Annotated[
-        float, Meta(ge=0, le=MOST_WEIGHT, description="crisscross: of a tick of waiting.")
+        float,
+        Meta(ge=0, le=MOST_WEIGHT, description="crisscross: the weight of a tick of waiting."),
     ] = 1.0
     phase: Annotated[
         tuple[Annotated[int, Meta(ge=0, le=1)], Annotated[int, Meta(ge=0, le=1)]],
-        Meta(description="crisscross: 1 reverses the directions of the rows, of the columns."),
+        Meta(
+            description="crisscross: [rows, columns]; 1 reverses the directions of the rows or of "
+            "the columns."
+        ),
     ] = (0, 0)
 
     def __post_init__(self) -> None:
@@ -361,7 +377,9 @@ CRISSCROSS: Final = {"along": 0.5, "against": 1.0, "wait": 1.0}
 
 
 class Street(ConfigSection, frozen=True, kw_only=True):
-    """Weights of a cell, a row, a column, a path or an area; later streets overwrite earlier ones."""
+    """Weights of moves in a cell, a row, a column, a path or an area. Later streets overwrite
+    earlier ones.
+    """
 
     at: Annotated[NamedCell | None, Meta(description="A cell.")] = None
     row: Annotated[Annotated[int, Meta(ge=0)] | None, Meta(description="The y of a row.")] = None

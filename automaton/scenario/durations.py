@@ -55,7 +55,7 @@ class Lognormal(ConfigSection, frozen=True, kw_only=True):
 
 
 class Distribution(ConfigSection, frozen=True, kw_only=True):
-    """A random duration; exactly one distribution is given."""
+    """A random duration. Set exactly one distribution."""
 
     uniform: Uniform | None = None
     lognormal: Lognormal | None = None
@@ -74,7 +74,7 @@ class Distribution(ConfigSection, frozen=True, kw_only=True):
     exponential: Annotated[
         Mean | None,
         Meta(
-            description="Mean of an exponential duration, drawn in whole ticks of at least 1 (a "
+            description="Mean of an exponentially distributed duration, in whole ticks of at least 1 (a "
             "geometric distribution)."
         ),
     ] = None
@@ -152,7 +152,7 @@ class Durations(ConfigSection, frozen=True, kw_only=True):
         TicksOrNone,
         Meta(description="Duration of a drop; 0: the robot drops on arrival, within the move."),
     ] = 1
-    try_drop: Annotated[Ticks, Meta(description="Duration of a try to drop a load.")] = 1
+    try_drop: Annotated[Ticks, Meta(description="Duration of an attempt to drop a load.")] = 1
     handling_jitter: Annotated[
         int,
         quantity(

@@ -59,8 +59,7 @@ class Drain(ConfigSection, frozen=True, kw_only=True):
     wait: Annotated[
         Rate,
         Meta(
-            description="Percent of a full battery per tick of standing on the floor, for any "
-            "reason."
+            description="Percent of a full battery per tick of standing on the floor, for any reason."
         ),
     ] = 0.0
     loaded_factor: Annotated[
@@ -69,7 +68,7 @@ class Drain(ConfigSection, frozen=True, kw_only=True):
 
 
 class ChargeRange(ConfigSection, frozen=True, kw_only=True):
-    """A charge drawn for each robot, uniformly distributed."""
+    """A random charge of each robot, uniformly distributed."""
 
     least: Annotated[Percent, Meta(description="The least charge, percent.")] = msgspec.field(
         name="from"
@@ -84,7 +83,7 @@ class ChargeRange(ConfigSection, frozen=True, kw_only=True):
 
 
 class Battery(ConfigSection, frozen=True, kw_only=True):
-    """The batteries of the robots; the same for all."""
+    """The batteries of the robots."""
 
     drain: Drain
     charge_rate: Annotated[
@@ -97,12 +96,13 @@ class Battery(ConfigSection, frozen=True, kw_only=True):
     initial_charge: Annotated[
         Percent | tuple[Percent, ...] | ChargeRange,
         Meta(
-            description="Charge at the start, percent: one value for all, one for each robot, or "
-            "drawn {from, to}."
+            description="Charge at the start, in percent: one value for all robots, one for each robot, "
+            "or random values {from, to}."
         ),
     ] = 100.0
     reserve: Annotated[
-        Percent, Meta(description="Charge below which charging strategies never plan, percent.")
+        Percent,
+        Meta(description="Charge, in percent, below which no charging strategy plans to go."),
     ] = 0.0
 
     def __post_init__(self) -> None:
@@ -152,8 +152,8 @@ class TypeBattery(ConfigSection, frozen=True, kw_only=True):
     initial_charge: Annotated[
         Percent | ChargeRange | None,
         Meta(
-            description="Charge at the start, percent: one for all robots of the type, or drawn "
-            "{from, to}."
+            description="Charge at the start, in percent: one value for all robots of the type, "
+            "or random values {from, to}."
         ),
     ] = None
     reserve: Annotated[
@@ -191,7 +191,9 @@ class TypeStrategy(ConfigSection, frozen=True, kw_only=True):
 
 
 class FleetType(ConfigSection, frozen=True, kw_only=True):
-    """One type of robots; types are assigned to robots in the order of robot numbers."""
+    """One type of robots. Robots get their types by number: the lowest numbers belong to the first
+    type.
+    """
 
     refused: ClassVar[dict[str, str]] = ONE_CELL
 
@@ -200,7 +202,7 @@ class FleetType(ConfigSection, frozen=True, kw_only=True):
     ]
     robots: Annotated[
         Annotated[int, Meta(ge=1, le=1_000_000)] | None,
-        Meta(description="Number of robots; one type may leave it out and gets the rest."),
+        Meta(description="Number of robots. One type may omit it and gets the remaining robots."),
     ] = None
     move_time_factor: Annotated[
         int, Meta(ge=1, le=1000, description="Factor on durations.move for this type.")
@@ -277,8 +279,9 @@ class Fleet(ConfigSection, frozen=True, kw_only=True):
     heading: Annotated[
         Direction | tuple[Direction, ...] | None,
         Meta(
-            description="Initial heading of differential robots: one for all, or one for each. Left "
-            "out: towards an exit of their cell, south before north, east and west."
+            description="Initial heading of differential robots: one for all, or one for each. Left out: "
+            "each robot faces an exit of its cell; of several exits, the first of south, "
+            "north, east and west."
         ),
     ] = None
     when_idle: Annotated[
@@ -291,8 +294,8 @@ class Fleet(ConfigSection, frozen=True, kw_only=True):
     length: Annotated[
         Metres | None,
         Meta(
-            description="Length of a robot, in metres. A robot takes one cell: check warns if it is "
-            "longer than units.cell."
+            description="Length of a robot, in metres. A robot always occupies one cell; `automaton "
+            "check` warns if the robot is longer than the cell."
         ),
     ] = None
     width: Annotated[
@@ -401,8 +404,8 @@ class DelayTicks(ConfigSection, frozen=True, kw_only=True):
 
 
 class Bell(ConfigSection, frozen=True, kw_only=True):
-    """A normal distribution limited to a range; mean and standard deviation are shares of the
-    width of the range, from its least value.
+    """A normal distribution, limited to a range. Mean and standard deviation are shares of the
+    width of the range; the mean counts from its least value.
     """
 
     mean_ratio: Annotated[float, Meta(ge=0, le=1, description="Mean, as a share of the range.")] = (
@@ -450,8 +453,8 @@ class Delays(ConfigSection, frozen=True, kw_only=True):
     of: Annotated[
         tuple[Literal["move", "turn"], ...],
         Meta(
-            description="Operations that a delay lengthens; other operations continue, and the "
-            "robot stands for the rest of the delay after them."
+            description="Operations that a delay lengthens. Other operations take their usual "
+            "time; after them, the robot stands for the rest of the delay."
         ),
     ] = ("move", "turn")
 
@@ -478,8 +481,8 @@ class Faults(ConfigSection, frozen=True, kw_only=True):
     mtbf: Annotated[
         Annotated[float, quantity(TIME, ge=1, le=1e9)] | None,
         Meta(
-            description="The mean time between failures of a robot on the floor, in ticks; it "
-            "replaces failure_probability by 1 / mtbf."
+            description="The mean time between failures of a robot on the floor, in ticks; it sets "
+            "failure_probability to 1 / mtbf."
         ),
     ] = None
     tow_after: Annotated[

@@ -140,7 +140,7 @@ class Line(ConfigSection, frozen=True, kw_only=True, gc=False):
     ] = None
     sku: Annotated[
         int | SingleLine | None,
-        Meta(description="The SKU, from any pod that holds it; ignored where a pod is named."),
+        Meta(description="The SKU, picked from any pod that holds it; ignored if `pod` is set."),
     ] = None
     station: Annotated[
         int | SingleLine | None,
@@ -226,10 +226,10 @@ class LineDemand(TableOptions, frozen=True, kw_only=True):
     file: Annotated[
         NonEmptyText | None,
         Meta(
-            description="A CSV file with a header line and an order line in each row, separated "
-            "by semicolons, tabs or commas, or a workbook (.xlsx; needs fleet-automaton[excel]); "
-            "path relative to the scenario. A pattern such as days/*.csv names several files: the "
-            "seed of a run draws one; its times count from midnight of its first day."
+            description="A CSV file with a header line and an order line in each row, separated by "
+            "semicolons, tabs or commas, or a workbook (.xlsx; needs fleet-automaton[excel]); "
+            "path relative to the scenario. A pattern such as days/*.csv names several files: "
+            "the seed of a run selects one, whose times count from midnight of its first day."
         ),
     ] = None  # type: ignore[assignment]
     columns: Annotated[
@@ -246,8 +246,8 @@ class LineDemand(TableOptions, frozen=True, kw_only=True):
             GAP,
             ge=0,
             le=1_000_000,
-            description="Mean ticks between two orders: an order, with all of its lines, arrives in "
-            "each tick with probability 1 / this value. 0: all are known from the start.",
+            description="Mean number of ticks between two orders. Each tick releases an order, with all "
+            "its lines, with probability 1 / this value. 0: all are known from the start.",
         ),
     ] = 0.0
     per_order: Annotated[
@@ -257,8 +257,7 @@ class LineDemand(TableOptions, frozen=True, kw_only=True):
     classes: Annotated[
         Shares | None,
         Meta(
-            description="Share of lines for the pods of each class; left out: uniform over all "
-            "pods."
+            description="Share of lines for the pods of each class; left out: uniform over all pods."
         ),
     ] = None
     stations: Annotated[
@@ -433,13 +432,12 @@ class Orders(ConfigSection, frozen=True, kw_only=True):
         Literal["full-shelves", "picture-loads", "dock-to-rack", "stations", "visits", "tours"]
         | None,
         Meta(
-            description="The generator of orders. full-shelves: every shelf holds a load at the "
-            "start, for a random destination; picture-loads: the same, but only shelves drawn "
-            "as $ hold a load. "
-            "dock-to-rack: `count` loads wait at random docks, each for a random rack. stations: each "
-            "load goes from one random station to another. visits: a robot must visit a random station. "
-            "tours: a robot must visit `stops` random cells in sequence, never the same cell twice in "
-            "succession, unless `assign` is round-robin."
+            description="The generator of orders. full-shelves: every shelf holds a load at the start, "
+            "for a random destination; picture-loads: only shelves drawn as $ hold such a load. "
+            "dock-to-rack: `count` loads wait at random docks, each to be carried to a random rack. "
+            "stations: each load goes from one random station to another. visits: a robot must visit a "
+            "random station. tours: a robot must visit `stops` random cells in sequence; successive "
+            "cells differ, unless `assign` is round-robin."
         ),
     ] = None
     stops: Annotated[
@@ -449,17 +447,17 @@ class Orders(ConfigSection, frozen=True, kw_only=True):
     cells: Annotated[
         Literal["all", "no-dead-ends"] | tuple[StopGroup, StopGroup],
         Meta(
-            description="Cells of the stops of tours, among those that robots reach. all: every cell; "
-            "no-dead-ends: cells outside dead ends; [stations, racks], or any two of these: for each "
-            "robot alternately a station and a cell above or below a rack. A robot that starts on a "
-            "cell of the first group begins with the second."
+            description="Cells that tours may visit, among the cells that robots can reach. all: every "
+            "cell; no-dead-ends: cells outside dead ends; [stations, racks], or any two of these: each "
+            "robot alternates between the two groups, where racks means the cells above and below "
+            "racks. A robot that starts in a cell of the first group begins with the second."
         ),
     ] = "all"
     count: Annotated[
         Annotated[int, Meta(ge=1, le=1_000_000)] | None,
         Meta(
-            description="Number of orders of a generator; with a profile of arrivals the greatest "
-            "number, which may be left out."
+            description="Number of generated orders; with a profile of arrivals, the greatest number "
+            "(optional)."
         ),
     ] = None
     mean_interarrival_time: Annotated[
@@ -468,9 +466,9 @@ class Orders(ConfigSection, frozen=True, kw_only=True):
             GAP,
             ge=0,
             le=1_000_000,
-            description="Mean ticks between two orders: from the second tick on, an order arrives in "
-            "each tick with probability 1 / this value (Poisson arrivals in discrete time). 0: all "
-            "orders are known from the start.",
+            description="Mean number of ticks between two orders. From the second tick on, each tick "
+            "releases an order with probability 1 / this value (Poisson arrivals in discrete "
+            "time). 0: all orders are known from the start.",
         ),
     ] = 0.0
     arrivals: Annotated[
@@ -482,7 +480,9 @@ class Orders(ConfigSection, frozen=True, kw_only=True):
     ] = None
     weight: Annotated[
         Weight | WeightRange,
-        Meta(description="Weight of generated orders: one for all, or drawn {from, to}."),
+        Meta(
+            description="Weight of generated orders: one value for all, or random values {from, to}."
+        ),
     ] = 1
     listed: Annotated[tuple[OrderLine, ...] | None, Meta(description="A list of orders.")] = field(
         name="list", default=None
@@ -505,17 +505,17 @@ class Orders(ConfigSection, frozen=True, kw_only=True):
     lines: Annotated[
         tuple[Line, ...] | LineDemand | None,
         Meta(
-            description="Order lines, from which the trips of pods follow: a list, a file, or random."
+            description="Order lines, which make pods travel to stations: a list, a file, or "
+            "random lines."
         ),
     ] = None
     tasks: Annotated[
         NonEmptyText | tuple[Cells, ...] | None,
         Meta(
             description="Tasks without a load: each is a list of cells that a robot must visit in "
-            "sequence. Either a file, relative to the scenario, or the lists themselves. In the "
-            "file, lines "
-            "with # are skipped, the first line is the number of tasks, and each further line has cells "
-            "(row * width + column), separated by commas."
+            "sequence. Write the lists here, or name a file (path relative to the scenario). In the "
+            "file, lines with # are skipped; the first line is the number of tasks, and each further "
+            "line lists the cells of a task (row * width + column), separated by commas."
         ),
     ] = None
     repeat: Annotated[
@@ -531,14 +531,17 @@ class Orders(ConfigSection, frozen=True, kw_only=True):
     assign: Annotated[
         Literal["pool", "round-robin"],
         Meta(
-            description="Who may do a task or tour. pool: any robot. round-robin: n robots share them "
-            "in turn, so numbers r, r + n, r + 2 n and so on belong to robot r, which knows one at a "
-            "time. Then tours depend only on the seed and the robot."
+            description="Which robot may do a task or tour. pool: any robot. round-robin: robot r of n "
+            "robots does the tasks r, r + n, r + 2 n and so on, and knows one of them at a "
+            "time; tours then depend only on the seed and the robot."
         ),
     ] = "pool"
     skip_reached: Annotated[
         bool,
-        Meta(description="Whether a robot skips a repeated task in whose first cell it stands."),
+        Meta(
+            description="Whether a robot skips a repeated task if it already stands in the first "
+            "cell of the task."
+        ),
     ] = False
 
     def __post_init__(self) -> None:

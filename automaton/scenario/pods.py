@@ -132,7 +132,7 @@ class Pods(ConfigSection, frozen=True, kw_only=True):
     classes: Annotated[
         Shares | None,
         Meta(
-            description="Classes of pods and of storage cells with the share of each; cells of the "
+            description="Classes of pods and of storage cells, each with its share. The cells of the "
             "first class are nearest to the stations."
         ),
     ] = None
@@ -174,8 +174,7 @@ class PodStation(ConfigSection, frozen=True, kw_only=True):
         tuple[NamedCell, ...],
         Meta(
             max_length=1000,
-            description="Corners of the path of the queue, from the cell next to the station "
-            "outwards.",
+            description="Corners of the path of the queue, from the cell next to the station outwards.",
         ),
     ] = ()
     max_trips: Annotated[

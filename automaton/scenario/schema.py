@@ -121,12 +121,12 @@ class Strategies(ConfigSection, frozen=True, kw_only=True):
     right_of_way: Annotated[
         StrategySpec | None,
         Meta(
-            description="Traffic control: who goes first where robots meet. null: the scenario decides. "
-            "It is retreat if robots follow routes of a routing other than shortest, if information is "
-            "limited, or if the floor has no ring. Else it is epibt if epibt supports the scenario, a "
-            "turn or a move takes 2 ticks or more, at least half of all connections between "
-            "neighbouring cells are open in both directions, and the floor has no closings, doors, "
-            "blocks or lifts. Else it is pibt."
+            description="Traffic control: which robot goes first where robots meet. null: automaton "
+            "chooses. It chooses retreat if the routing is not shortest and robots follow its routes, "
+            "if information is limited, or if the floor has no ring. Otherwise it chooses epibt if "
+            "epibt supports the scenario, a turn or a move takes 2 ticks or more, at least half of all "
+            "connections between neighbouring cells are open in both directions, and the floor has no "
+            "closings, doors, blocks or lifts. Otherwise it chooses pibt."
         ),
     ] = None
 
@@ -187,15 +187,15 @@ class Radius(ConfigSection, frozen=True, kw_only=True):
     shape: Annotated[
         Literal["square", "circle"],
         Meta(
-            description="Shape of what the radius covers. square: counted in rows and in columns "
-            "(Chebyshev); circle: a straight distance."
+            description="Shape of the area within the radius. square: distances count in rows and in "
+            "columns (Chebyshev); circle: distances are straight lines."
         ),
     ] = "square"
     orders: Annotated[
         Literal["all", "zones"],
         Meta(
-            description="Orders that a robot knows. zones: only the orders and stations in its own "
-            "service zone and in those of the robots that it knows; all: every order."
+            description="Orders that a robot knows. all: every order; zones: only orders and stations in "
+            "its own service zone and in the zones of the robots that it knows."
         ),
     ] = "all"
 
@@ -222,9 +222,9 @@ class Stop(ConfigSection, frozen=True, kw_only=True):
     at_limit: Annotated[
         Literal["end", "failure"] | None,
         Meta(
-            description="Result of a run that reaches max_duration with orders open. end: "
-            "complete, as a shift is; failure: unfinished. Default: end with units.clock or with "
-            "when: never, else failure."
+            description="Result of a run that reaches max_duration with open orders. end: finished, like "
+            "a shift; failure: unfinished. Default: end if units.clock is set or `when` is "
+            "never, else failure."
         ),
     ] = None
 
@@ -237,8 +237,8 @@ class Stop(ConfigSection, frozen=True, kw_only=True):
 
 
 class Measure(ConfigSection, frozen=True, kw_only=True):
-    """The warm-up period that metrics of tasks exclude; in sweeps and sizes, all metrics of runs
-    that never end exclude it.
+    """The warm-up period. Task metrics exclude it; in sweeps and sizing, all metrics of runs that
+    never end exclude it.
     """
 
     warm_up: Annotated[
@@ -270,8 +270,8 @@ class Scenario(ConfigSection, frozen=True, kw_only=True):
     streets: Annotated[
         Streets | None,
         Meta(
-            description="Streets: weights that guide robots to choose their ways, and closed moves. A "
-            "file, a pattern, or a list of streets. null: all moves have the weight 1."
+            description="Streets, which guide routes: robots prefer moves with low weights, and moves "
+            "can be closed. A file, a pattern, or a list of streets. null: all moves have the weight 1."
         ),
     ] = None
     units: Units = Units()
@@ -280,7 +280,9 @@ class Scenario(ConfigSection, frozen=True, kw_only=True):
     pods: Pods = Pods()
     stations: Annotated[
         dict[SingleLine, PodStation],
-        Meta(description="Named stations; the others keep their numbers."),
+        Meta(
+            description="Stations with names; all other stations are identified by their numbers."
+        ),
     ] = msgspec.field(default_factory=dict)
     strategy: Strategies = Strategies()
     world: WorldRules = WorldRules()
@@ -306,16 +308,16 @@ class Scenario(ConfigSection, frozen=True, kw_only=True):
         Meta(
             ge=1,
             le=MAX_REFINEMENT,
-            description="Number of ticks of the run per tick of this file; durations are "
-            "multiplied by this number, rates divided by it.",
+            description="Number of simulated ticks per tick of this file. Durations are multiplied by "
+            "this number, and rates are divided by it.",
         ),
     ] = 1
     decide: Annotated[
         Literal["coarse", "fine"],
         Meta(
-            description="When strategies decide in a run that divides each tick into `refine` "
-            "fine ticks. coarse: only in the first fine tick of each, in which robots also begin "
-            "their operations; fine: in every fine tick."
+            description="When strategies decide, if each tick is divided into `refine` fine ticks. "
+            "coarse: only in the first fine tick of each tick, when robots also begin their "
+            "operations; fine: in every fine tick."
         ),
     ] = "coarse"
     seed: Annotated[
@@ -399,13 +401,14 @@ class LegendEntry(ConfigSection, frozen=True, kw_only=True):
     ] = None
     exits: Annotated[
         tuple[Direction, ...] | None,
-        Meta(description="Directions in which a robot may leave; only one: a one-way cell."),
+        Meta(
+            description="Directions in which a robot may leave; a cell with a single exit is one-way."
+        ),
     ] = None
     opens: Annotated[
         tuple[Direction, ...] | None,
         Meta(
-            description="A robot enters and leaves over these sides alone; arrows do not count "
-            "there."
+            description="A robot enters and leaves over these sides alone; arrows do not count there."
         ),
     ] = None
     loaded: Annotated[

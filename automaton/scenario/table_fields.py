@@ -139,7 +139,7 @@ class Quarantine(ConfigSection, frozen=True, kw_only=True):
         Meta(
             description="A CSV file that `automaton check` writes: the skipped rows unchanged, with "
             "the reason in an extra first column; path relative to the scenario. If the orders come "
-            "from several files, it writes one for each, with that file's name added to its own."
+            "from several files, each has its own file of skipped rows, with its name added."
         ),
     ]
 
@@ -150,10 +150,10 @@ class TableOptions(ConfigSection, frozen=True, kw_only=True):
     file: Annotated[
         NonEmptyText,
         Meta(
-            description="A CSV file with a header line, separated by semicolons, tabs or commas, "
-            "or a workbook (.xlsx; needs fleet-automaton[excel]); path relative to the scenario. "
-            "A pattern such as days/*.csv names several files: the seed of a run draws one, whose "
-            "times count from its own midnight."
+            description="A CSV file with a header line, separated by semicolons, tabs or commas, or a "
+            "workbook (.xlsx; needs fleet-automaton[excel]); path relative to the scenario. A "
+            "pattern such as days/*.csv names several files: the seed of a run selects one, "
+            "whose times count from midnight of its first day."
         ),
     ]
     sheet: Annotated[
@@ -162,32 +162,31 @@ class TableOptions(ConfigSection, frozen=True, kw_only=True):
     where: Annotated[
         dict[str, Values],
         Meta(
-            description="Filter of rows: columns and the value, or list of values, that a row must "
-            "have. Other rows are skipped."
+            description="Filter of rows: for each column named here, the value or list of values that a "
+            "row must have. Other rows are skipped."
         ),
     ] = field(default_factory=dict)
     time: Annotated[
         SingleLine | None,
         Meta(
-            description='The format of the times in the file, as of strptime: "%d.%m.%Y %H:%M". '
-            "null: ISO 8601, times of the clock's day such as 06:30, ticks, or times after tick 0 "
-            "such as 20 s. serial: days such as 46083.25, as spreadsheets store dates."
+            description='The format of times in the file, in the notation of strptime: "%d.%m.%Y %H:%M". '
+            "null: ISO 8601, times of the clock's day such as 06:30, ticks, or times after "
+            "tick 0 such as 20 s. serial: days such as 46083.25, as spreadsheets store dates."
         ),
     ] = None
     encoding: Annotated[
         Literal["utf-8", "cp1252"],
         Meta(
-            description="Encoding of the file; cp1252 is usual for Windows programs in western "
-            "Europe."
+            description="Encoding of the file; cp1252 is usual for Windows programs in western Europe."
         ),
     ] = "utf-8"
 
     unknown: Annotated[
         Literal["refuse", "skip"] | Quarantine,
         Meta(
-            description="What happens to rows with mistakes: an unknown location, pod, SKU or "
-            "station, a quantity of 0, or a value that cannot be read. refuse: the scenario is "
-            "refused; skip: they are left out and counted; {quarantine: FILE}: in addition, "
+            description="What happens to rows with mistakes: an unknown location, pod, SKU or station, a "
+            "quantity of 0, or a value that cannot be read. refuse: the scenario is refused; "
+            "skip: the rows are skipped and counted; {quarantine: FILE}: in addition, "
             "`automaton check` writes them to a file."
         ),
     ] = "refuse"

@@ -118,7 +118,12 @@ TRIP_COLUMNS: Final = (
     TableColumn("picked", TICKS, "first tick in which the load is on the robot"),
     TableColumn("delivered", TICKS, "first tick in which the load is at its target"),
     TableColumn("stops", INTEGER, "number of stops done"),
-    TableColumn("moves", INTEGER, "moves with the load; without a load, since the order was taken"),
+    TableColumn(
+        "moves",
+        INTEGER,
+        "number of moves with the load; if the order has no load, "
+        "number of moves since it was taken",
+    ),
     TableColumn("drive", TICKS, "ticks of `moves` and of the turns between them"),
     TableColumn(
         "least_drive",
@@ -144,7 +149,11 @@ EVENT_COLUMNS: Final = (
         "x", INTEGER, "column of the robot's cell, for events of loads and of robots that go down"
     ),
     TableColumn("y", INTEGER, "row of the robot's cell, for the same events"),
-    TableColumn("rule", TEXT, "layer and rule of an `illegal decision`; `value`: what was given"),
+    TableColumn(
+        "rule",
+        TEXT,
+        "layer and rule of an `illegal decision`; `value` is then the value that the strategy gave",
+    ),
 )
 STATE_COLUMNS: Final = (
     TableColumn("tick", TICKS, "tick at whose end the robot has the state"),
@@ -152,7 +161,8 @@ STATE_COLUMNS: Final = (
     TableColumn(
         "x",
         INTEGER,
-        "column of the robot's cell; in a long move the cell that it leaves; empty: off the floor",
+        "column of the robot's cell, or of the cell that it leaves in a move of several "
+        "ticks; empty: off the floor",
     ),
     TableColumn("y", INTEGER, "row of the robot's cell"),
     TableColumn("heading", TEXT, "E, S, W or N; on rails EW or NS; empty: the robot never turns"),

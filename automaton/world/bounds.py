@@ -530,20 +530,22 @@ def bounds_in_words(resolved: Resolved) -> list[str]:
     shares = (flow.robots, flow.stations, flow.chargers)
     least, limit = limited(resolved, shares, ticks)
     estimate = f"{least} visits {each}, limited by {limit}"
+    sentences = [f"estimate without traffic: {estimate}"]
     if flow.chargers < math.inf and scenario.ends_at_limit:
         length = scenario.stop.max_duration
         shares = (flow.robots_begin, flow.stations, flow.chargers_begin)
         first, limit = limited(resolved, shares, ticks)
-        estimate = (
-            f"{first} visits {each} over a run of {ticks_and_time(length, unit)}, with the charge at its "
-            f"start, limited by {limit}; in the long run {estimate}"
-        )
+        sentences = [
+            f"estimate without traffic, for a run of {ticks_and_time(length, unit)} that begins with the "
+            f"initial charge: {first} visits {each}, limited by {limit}",
+            f"estimate without traffic, in the long run: {estimate}",
+        ]
     empty = flow.to_pod / flow.trip
     most, why = min((flow.most_robots, "robots"), (flow.most_stations, "stations"))
     return [
-        f"estimate without traffic: {estimate}, assuming uniform pod demand, one line per trip and "
-        f"fixed storage; {percent(empty, 0)} of a trip is the way to the pod, the mean way between two "
-        "pods",
+        *sentences,
+        "assumptions: uniform pod demand, one line per trip, fixed storage; the way to the pod "
+        f"({percent(empty, 0)} of a trip) is the mean way between two pods",
         f"bound for any strategies: at most {most * ticks:,.0f} visits {each}, because of the {why}",
     ]
 
@@ -557,5 +559,5 @@ def limited(resolved: Resolved, rates: tuple[float, float, float], ticks: float)
         (count(len(places), "charger"), "chargers"),
     )
     parts = sorted((rate, *who) for rate, who in zip(rates, names, strict=True) if rate < math.inf)
-    by = ", ".join(f"{rate * ticks:,.0f} by {name}" for rate, name, _ in parts)
+    by = ", ".join(f"{name}: {rate * ticks:,.0f}" for rate, name, _ in parts)
     return f"{parts[0][0] * ticks:,.0f}", f"{parts[0][2]} ({by})"

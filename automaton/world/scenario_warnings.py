@@ -137,7 +137,7 @@ def street_warnings(resolved: Resolved) -> list[str]:
         )
     elif turns and mean < 1 / FAR_FROM_1:
         warnings.append(
-            f"streets has a mean weight of {mean:.3g}, so turns are very dear; set scale: mean"
+            f"streets has a mean weight of {mean:.3g}, so turns are very expensive; set scale: mean"
         )
     return warnings + into
 
@@ -297,7 +297,7 @@ def stays_on_station(resolved: Resolved) -> str:
         begun = [robot for robot, cell in enumerate(start) if cell in used]
         if not begun:
             return ""
-        who = f"robot {begun[0]} begins on a stationand therefore parks there"
+        who = f"robot {begun[0]} begins on a station and therefore parks there"
     return (
         f"{who}, but a station holds one robot: other robots may wait for it forever; set "
         "right_of_way: {name: retreat, idle_give_way: true}, or give robots parking cells of "

@@ -171,9 +171,9 @@ class GreedyParameters(Storing, forbid_unknown_fields=True, frozen=True, kw_only
     reassign: Annotated[
         Ticks | None,
         Meta(
-            description="Ticks after which the orders that no robot has begun, and that have no load, "
-            "are assigned again to all robots that have none or one of these. null: a robot keeps "
-            "its order."
+            description="Ticks between two reassignments of the orders that no robot has begun and that "
+            "have no load, among the robots that have such an order or none. null: a robot "
+            "keeps its order."
         ),
     ] = None
     active: Annotated[
@@ -290,15 +290,16 @@ class Auctions(Storing, forbid_unknown_fields=True, frozen=True, kw_only=True):
     reauction_after: Annotated[
         Annotated[int, quantity(TIME, ge=0, le=1_000_000)] | None,
         Meta(
-            description="Greatest delay, in ticks, with which a robot may finish its list of "
-            "orders; a robot that will be later returns the list. null: never."
+            description="Greatest delay, in ticks, with which a robot may finish its list of orders; a "
+            "robot that expects a longer delay returns its list. null: no list is returned."
         ),
     ] = None
     while_charging: Annotated[
         Literal["release", "keep"],
         Meta(
-            description="Orders of a robot that charges, queues for a charger or is about to. "
-            "release: returned as soon as another robot has no order left; keep: kept."
+            description="What happens to the orders of a robot that charges, queues for a charger, or is "
+            "about to. release: the robot returns them as soon as another robot has no order "
+            "left; keep: it keeps them."
         ),
     ] = "release"
 

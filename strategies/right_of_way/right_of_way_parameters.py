@@ -90,8 +90,8 @@ class SteeringParameters(msgspec.Struct, forbid_unknown_fields=True, frozen=True
             TIME,
             ge=1,
             le=1_000_000,
-            description="One robot of a wait cycle steps aside once the cycle has lasted as long "
-            "as the longest action of its robots plus this many ticks.",
+            description="Ticks before a wait cycle is broken: once the cycle has lasted for the longest "
+            "action of its robots plus this many ticks, one robot steps aside.",
         ),
     ] = 64
 
@@ -119,9 +119,9 @@ class GuidedParameters(SteeringParameters, forbid_unknown_fields=True, frozen=Tr
     guidance: Annotated[
         Literal["none", "lattice"],
         Meta(
-            description="Guidance of routes. lattice: rows and columns are one-way streets in "
-            "alternating directions, and a move against its street costs as much as three; the distance "
-            "tables take additional memory, at most world.distance_tables. none: no guidance."
+            description="Guidance of routes. lattice: rows and columns are streets with alternating "
+            "directions, and a move against its street costs as much as three moves; the distance "
+            "tables need additional memory, at most world.distance_tables. none: no guidance."
         ),
     ] = "none"
 
@@ -150,9 +150,10 @@ class PibtParameters(GuidedParameters, forbid_unknown_fields=True, frozen=True, 
     ties: Annotated[
         Literal["hash", "fixed"],
         Meta(
-            description="Choice among steps of equal cost, after straight on. hash: random for each "
-            "robot and tick; fixed: west, east, south, north, so that flows form: on dense floors "
-            "throughput changes by up to 5 % either way (`automaton reproduce guidance`)."
+            description="Choice among steps of equal cost; straight on always comes first. hash: random "
+            "for each robot and tick; fixed: west, east, south, north, which lets flows form. "
+            "On dense floors the choice changes throughput by up to 5 % either way "
+            "(`automaton reproduce guidance`)."
         ),
     ] = "hash"
 
@@ -166,25 +167,25 @@ class EpibtParameters(GuidedParameters, forbid_unknown_fields=True, frozen=True,
     first: Annotated[
         Literal["nearest", "oldest", "shortest"],
         Meta(
-            description="Robots that plan first. nearest: robots closest to their goals, for "
-            "throughput; shortest: robots with the least way left to the end of their orders, with all "
-            "stops; oldest: robots whose last finished goal was longest ago, which lowers "
-            "throughput and may stop a crowd. Robots on their way home always come last."
+            description="Robots that plan first. nearest: robots closest to their goals, for throughput; "
+            "shortest: robots with the least way left to the end of their orders, with all "
+            "stops; oldest: robots that finished their last goal longest ago, which lowers "
+            "throughput and may block a crowd. Robots on their way home always come last."
         ),
     ] = "nearest"
     starved_after: Annotated[
         Ticks | None,
         Meta(
-            description="Robots that have not finished a goal for so long plan before all others, "
-            "the longest time first; null: none do."
+            description="Ticks without a finished goal after which a robot plans before all others, the "
+            "longest time first; null: never."
         ),
     ] = None
     drivers: Annotated[
         Annotated[int, Meta(ge=1)] | None,
         Meta(
-            description="Number of robots that drive to their goals: the first in the order; the "
-            "others only make room for them. null: all drive. With drivers, every move and turn must "
-            "take one tick."
+            description="Number of robots that drive to their goals: those that plan first. The others "
+            "only make room for them. null: all robots drive. If drivers is set, every move "
+            "and turn must take one tick."
         ),
     ] = None
     repair_tries: Annotated[

@@ -84,8 +84,8 @@ class SharedPlans(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_on
         Literal["plans", "tasks", "task-averages"],
         Meta(
             description="Source of the prediction. plans: the plans of all robots with their times, "
-            "including slow zones; tasks: the A* paths of all tasks, without delays; task-averages: as "
-            "tasks, averaged over time."
+            "including slow zones; tasks: the A* paths of all tasks, without delays; "
+            "task-averages: like tasks, but averaged over time."
         ),
     ] = "plans"
 
@@ -125,10 +125,9 @@ class Avoidance(TieBreaking, forbid_unknown_fields=True, frozen=True, kw_only=Tr
     predictor: Annotated[
         Literal["exact", "noisy", "network"] | NetworkFile,
         Meta(
-            description="Predictor of the zones that other robots will use. exact: the zones on "
-            "their A* paths; noisy: the zones of exact with errors, by precision and recall; "
-            "network: a trained network, either the shipped one for warehouse-100 or one from a "
-            "file."
+            description="Predictor of the zones that other robots will use. exact: the zones on their "
+            "A* paths; noisy: the zones of exact with errors, by precision and recall; network: a "
+            "trained network, either the shipped one for warehouse-100 or one from a file."
         ),
     ] = "exact"
     precision: Annotated[
@@ -142,9 +141,8 @@ class Avoidance(TieBreaking, forbid_unknown_fields=True, frozen=True, kw_only=Tr
     prevalence: Annotated[
         Annotated[float, Meta(gt=0, lt=1)] | None,
         Meta(
-            description="Share of all zones that a task uses on average, for the noisy predictor, "
-            "which derives the number of wrong zones from it. Left out: as in warehouse-100, 27.5 of "
-            "522."
+            description="Share of all zones that a task uses on average. The noisy predictor derives the "
+            "number of wrong zones from it. Left out: the share in warehouse-100, 27.5 of 522."
         ),
     ] = None
     max_threshold: Annotated[
@@ -152,8 +150,8 @@ class Avoidance(TieBreaking, forbid_unknown_fields=True, frozen=True, kw_only=Tr
         Meta(
             ge=1,
             le=1000,
-            description="Greatest threshold A. For A = 1 up to this number, a plan is made that "
-            "avoids the zones in which A or more other robots are predicted.",
+            description="Greatest threshold A. For each A from 1 to this number, one plan avoids the "
+            "zones in which A or more other robots are predicted.",
         ),
     ] = 6
     closed_from: Annotated[

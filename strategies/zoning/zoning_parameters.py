@@ -131,7 +131,8 @@ class Monitoring(Zones, forbid_unknown_fields=True, frozen=True, kw_only=True):
         Meta(description="Whether orders go to robots of other zones while zones are unbalanced."),
     ] = True
     tolerance: Annotated[
-        float, Meta(ge=0, le=1, description="Largest imbalance SVp at which zones are balanced.")
+        float,
+        Meta(ge=0, le=1, description="Largest imbalance SVp at which zones count as balanced."),
     ] = 0.2
     window: Annotated[
         Minutes, Meta(description="Minutes for which a delivery counts in the measured flow.")
@@ -207,7 +208,8 @@ class Genetic(Repairing, forbid_unknown_fields=True, frozen=True, kw_only=True):
         ),
     ] = 10
     mutation: Annotated[
-        float, Meta(ge=0, le=0.95, description="Probability of one more mutation after each one.")
+        float,
+        Meta(ge=0, le=0.95, description="Probability that another mutation follows each mutation."),
     ] = 0.45
     matched: Annotated[
         bool,
@@ -254,7 +256,7 @@ class Decentralized(Zones, forbid_unknown_fields=True, frozen=True, kw_only=True
     tip_pairs: TipPairs = "last"
     scale: Annotated[
         float,
-        quantity(MINUTES, gt=0, le=1000, description="k: factor of the temperature, minutes."),
+        quantity(MINUTES, gt=0, le=1000, description="k: factor of the temperature, in minutes."),
     ] = 10.0
     pause: Annotated[
         Seconds, Meta(description="Seconds for which robots stand still during a redesign.")

@@ -82,8 +82,8 @@ def test_the_bottleneck_is_what_is_saturated_for_longest() -> None:
         "Chargers were the bottleneck, saturated for 50 % of the run; the longest"
     )
     assert (
-        "stretch was from tick 100 to tick 300: 1 of 1 charger busy; 2 robots standing on the way to one."
-        in text
+        "stretch was from tick 100 to tick 300: 1 of 1 charger busy; 2 robots standing on the way to a "
+        "charger." in text
     )
     assert "Robots were also saturated, from tick 0 to tick 100: " in text
 

@@ -290,7 +290,7 @@ def test_of_many_warnings_the_most_skewed_point_is_named() -> None:
     results = synthetic_store(study, lambda p, r: 100.0 - (r == 9) * 50 if p == 2 else noise(p, r))
     (listed,) = (b for b in metric_section(results, {}, "makespan") if isinstance(b, Listed))
     assert (
-        "5 points have fewer than 60 runs (fewest: 10); the most skewed: robots 3"
+        "5 points have fewer than 60 runs (fewest: 10). The most skewed is robots 3"
         in listed.items[0]
     )
     assert "skew -2.7" in listed.items[0]

@@ -26,13 +26,16 @@ def test_least_drives_on_a_large_floor() -> None:
     assert (ways.loaded.min(), ways.loaded.max()) == (106, 592)
     assert ways.loaded.mean() == pytest.approx(341.49, abs=0.005)
     assert ways.least <= 106
-    estimate, bound = bounds_in_words(resolved)
-    assert estimate.startswith(
-        "estimate without traffic: 477 visits an hour over a run of 43,200 ticks (6 h), with the charge "
-        "at its start, limited by robots (477 by 30 robots, 1,045 by 4 chargers, 1,108 by 6 stations); "
-        "in the long run 437 visits an hour, limited by robots (437 by 30 robots, 619 by 4 chargers, "
-        "1,108 by 6 stations), assuming uniform pod demand"
+    begun, long, assumptions, bound = bounds_in_words(resolved)
+    assert begun == (
+        "estimate without traffic, for a run of 43,200 ticks (6 h) that begins with the initial charge: "
+        "477 visits an hour, limited by robots (30 robots: 477, 4 chargers: 1,045, 6 stations: 1,108)"
     )
+    assert long == (
+        "estimate without traffic, in the long run: 437 visits an hour, limited by robots "
+        "(30 robots: 437, 4 chargers: 619, 6 stations: 1,108)"
+    )
+    assert assumptions.startswith("assumptions: uniform pod demand, ")
     assert bound == (
         "bound for any strategies: at most 2,880 visits an hour, because of the stations"
     )
@@ -55,8 +58,8 @@ def test_chargers_and_charging_are_part_of_the_estimate() -> None:
     assert weak is not None and usual is not None
     assert weak.chargers == pytest.approx(usual.chargers / 10, rel=1e-3)
     assert weak.robots < 0.6 * usual.robots and weak.most_robots == usual.most_robots
-    said = bounds_in_words(resolve("goods-60x40", ["battery.charge_rate=10 %/h"]))[0]
-    assert "in the long run 62 visits an hour, limited by chargers (62 by 4 chargers" in said
+    said = bounds_in_words(resolve("goods-60x40", ["battery.charge_rate=10 %/h"]))[1]
+    assert "in the long run: 62 visits an hour, limited by chargers (4 chargers: 62, " in said
 
 
 def test_over_a_shift_the_charge_at_its_start_counts() -> None:
@@ -73,14 +76,13 @@ def test_over_a_shift_the_charge_at_its_start_counts() -> None:
     # 30 robots with 85 % each, beside 4 chargers that give 10 % an hour
     assert full.chargers_begin == pytest.approx(full.chargers * (1 + 30 * 85 / (4 * 10 * 3)))
     keys = ["battery.charge_rate=10 %/h", "battery.initial_charge=100"]
-    (said, _), (never, _) = (
+    (begun, long, *_), (only, assumptions, _) = (
         bounds_in_words(resolve("goods-60x40", [*keys, *more]))
         for more in ((), ("stop.at_limit=failure",))
     )
-    assert "visits an hour over a run of 43,200 ticks (6 h), with the charge at its start" in said
-    assert (
-        "; in the long run 62 visits" in said and "62 visits" in never and "over a run" not in never
-    )
+    assert "for a run of 43,200 ticks (6 h) that begins with the initial charge" in begun
+    assert "long run: 62 visits" in long and "traffic: 62 visits" in only
+    assert assumptions.startswith("assumptions")
 
 
 def test_the_mean_way_between_pods_leaves_out_the_way_to_itself() -> None:

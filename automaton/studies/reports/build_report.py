@@ -249,7 +249,7 @@ def add_repeat(document: ReportDocument, store: Store) -> None:
     document.add(
         Heading("Repeat"),
         Text(
-            "In the results folder, this command does the runs that are missing and reports again:"
+            "In the results folder, this command makes the missing runs and prints the report again:"
         ),
         Text(f"automaton sweep {STUDY_FILE} --out . && automaton report .", code=True),
         Folded(STUDY_FILE, [Text(store.manifest.text.strip(), code=True)]),

@@ -237,9 +237,9 @@ def comparison_text(results: Results, compared: list[Comparison]) -> str:
     answer = tests_of_best(results)
     with_answer = f", {answer:,} of them for the best point on the first page" if answer else ""
     return (
-        f"Differences of means, {family(results)}; tests in the family: {families}{with_answer}. A "
+        f"Differences of means, {family(results)}. Tests in the family: {families}{with_answer}. A "
         "difference is called significant if its interval excludes 0, that is, if p times the number of "
-        f"tests is below {results.analysis.error:g}. All of a family hold simultaneously with "
+        f"tests is below {results.analysis.error:g}. The intervals of a family hold simultaneously with "
         f"{percent(1 - results.analysis.error, 0)} confidence."
     )
 

@@ -253,7 +253,8 @@ def _listed_names(results: Results, points: Sequence[Point]) -> str:
     """The names of points, at most MAX_NAMED."""
     names = [_subject(results, point) for point in points[:MAX_NAMED]]
     more = len(points) - len(names)
-    return " or ".join([*names, *([f"{more:,} more"] if more else [])])
+    names += [f"{more:,} more"] if more else []
+    return " or ".join(names) if len(names) < 3 else f"{'; '.join(names[:-1])}; or {names[-1]}"
 
 
 def _value(results: Results, point: Point, metric: str) -> str:

@@ -229,13 +229,13 @@ def warnings(results: Results, found: list[Summary]) -> Iterator[Block]:
         few = min(one.interval.n for one in found if one.interval is not None)
         worst = max(told, key=skews.__getitem__)
         many = sum(one.interval is not None and one.interval.n < STUDENT_MIN_RUNS for one in found)
-        rest = f"{many} points have fewer than {STUDENT_MIN_RUNS} runs (fewest: {few}); the most skewed: "
+        rest = f"{many} points have fewer than {STUDENT_MIN_RUNS} runs (fewest: {few})"
         same = (
             [f"warning: {', '.join(told[NO_SPREAD_WARNING])}: {NO_SPREAD_WARNING}"]
             if NO_SPREAD_WARNING in told
             else []
         )
-        yield Listed([f"warning: {rest}{told[worst][0]}: {worst}", *same])
+        yield Listed([f"warning: {rest}. The most skewed is {told[worst][0]}: {worst}", *same])
     elif told:
         yield Listed([f"warning: {', '.join(names)}: {text}" for text, names in told.items()])
 

@@ -42,8 +42,8 @@ class NamedPoint(ConfigSection, frozen=True, kw_only=True):
     settings: Annotated[
         Levels | None,
         Meta(
-            description="Settings that differ from the scenario, {KEY: VALUE, ...}; without `set` the "
-            "point is the scenario as it is."
+            description="Settings that differ from the scenario, {KEY: VALUE, ...}; without "
+            "`set`, the scenario runs unchanged."
         ),
     ] = msgspec.field(name="set", default=None)
 

@@ -152,50 +152,55 @@ class Analysis(ConfigSection, frozen=True, kw_only=True):
         tuple[NonEmptyText, ...],
         Meta(
             min_length=1,
-            description="Metrics of the report, such as makespan. Required, except for points with "
-            "names: by default throughput, lead_time, lead_time_p95 and late_share where measured.",
+            description="Metrics of the report, such as makespan. Required, except if points have "
+            "names: then the default is throughput, lead_time, lead_time_p95 and late_share, "
+            "where measured.",
         ),
     ] = ()
     paired: Annotated[
         bool | None,
         Meta(
-            description="Compare runs of the same replication with each other (common demand); "
-            "default: whether they have the same seed, as common_random_numbers says."
+            description="Whether runs of the same replication are compared in pairs; default: if "
+            "they have the same seed (common_random_numbers)."
         ),
     ] = None
     baseline: Annotated[
         Levels | NonEmptyText | None,
         Meta(
-            description="The points with these levels of some factors are the baseline. For points with "
-            "names, the name of the baseline (default: the first)."
+            description="The baseline: the points with these levels of some factors, {FACTOR: "
+            "LEVEL}. If points have names: the name of the baseline (default: the first)."
         ),
     ] = None
     comparisons: Annotated[
         Literal["none", "baseline", "pairs"],
         Meta(
-            description="Which points are compared. baseline: each point that differs from a baseline "
-            "only in the baseline's factors, with it; pairs: every point with every other. Points with "
-            "names are compared with the baseline by default."
+            description="Which points are compared. baseline: each point with the baseline from "
+            "which it differs only in the factors of `baseline`; pairs: every point with "
+            "every other. If points have names, the default is baseline."
         ),
     ] = "none"
     family: Annotated[
         Literal["metric", "study"],
         Meta(
-            description="The family of tests that is corrected for together. metric: the "
-            "comparisons of one metric; study: all comparisons. Comparisons that decide which point "
-            "is best belong to the family of the first metric."
+            description="The family of tests that share one error probability. metric: the "
+            "comparisons of one metric; study: all comparisons. Comparisons that decide which "
+            "point is best belong to the family of the first metric."
         ),
     ] = "study"
     error: Annotated[
-        float, Meta(gt=0, le=0.5, description="Error of the whole family; 0.05: 95 % intervals.")
+        float,
+        Meta(
+            gt=0,
+            le=0.5,
+            description="Error probability of the family; 0.05: 95 % intervals.",
+        ),
     ] = 0.05
     precision: Annotated[
         Annotated[float, Meta(ge=1e-6, le=1)] | None,
         Meta(
-            description="Target half-width of the intervals of differences, as a share of the mean of "
-            "the baseline; without comparisons, of the intervals of means, as a share of the mean. The "
-            "report says how many runs that takes; with replications: {at_most: N} the sweep makes "
-            "them."
+            description="Target half-width of the intervals: of differences, as a share of the "
+            "baseline mean; without comparisons, of means, as a share of the mean. The report "
+            "estimates how many runs that needs; with replications: {at_most: N}, the sweep makes them."
         ),
     ] = None
 
@@ -213,9 +218,7 @@ class Analysis(ConfigSection, frozen=True, kw_only=True):
 
 
 class Replications(ConfigSection, frozen=True, kw_only=True):
-    """Sequential replication: runs of each point in rounds, until all intervals reach
-    analysis.precision.
-    """
+    """Sequential replication: rounds of runs, until all intervals reach analysis.precision."""
 
     at_most: Annotated[
         int,
@@ -270,27 +273,26 @@ class Study(ConfigSection, frozen=True, kw_only=True):
     listed: Annotated[
         tuple[Levels, ...] | None,
         Meta(
-            description="A list of points, instead of factors: with names, {name: NAME, set: {KEY: "
-            "VALUE, ...}}, or without, {KEY: VALUE, ...}."
+            description="A list of points, instead of factors. Each is {name: NAME, set: {KEY: "
+            "VALUE, ...}} or, without a name, {KEY: VALUE, ...}."
         ),
     ] = msgspec.field(name="points", default=None)
     settings: Annotated[
         Levels | None,
         Meta(
-            description="Settings of the scenarios at all points, {KEY: VALUE, ...}; factors and "
-            "points come after them."
+            description="Settings for all points, {KEY: VALUE, ...}; factors and points override them."
         ),
     ] = msgspec.field(name="set", default=None)
     replications: Annotated[
         Annotated[int, Meta(ge=1, le=1_000_000)] | Replications,
         Meta(
-            description="Number of runs of each point, with different seeds; {at_least: 20, at_most: "
-            "200}: as many as analysis.precision takes."
+            description="Number of runs of each point, with different seeds; {at_least: 20, "
+            "at_most: 200}: as many as analysis.precision requires, within these limits."
         ),
     ]
     seed: Annotated[
         int,
-        Meta(ge=0, le=2**63 - 1, description="The seed from which the seeds of all runs follow."),
+        Meta(ge=0, le=2**63 - 1, description="The seed that determines the seeds of all runs."),
     ] = 1
     common_random_numbers: Annotated[
         bool,
@@ -312,7 +314,7 @@ class Study(ConfigSection, frozen=True, kw_only=True):
         | None,
         Meta(
             description="Warm-up period of a steady state, in ticks or as a time such as 30 min; "
-            "mser-5: found by MSER-5."
+            "mser-5: determined by the MSER-5 rule."
         ),
     ] = None
     window: Annotated[
@@ -320,8 +322,8 @@ class Study(ConfigSection, frozen=True, kw_only=True):
         | Annotated[str, Meta(pattern=TIME_PATTERN)]
         | None,
         Meta(
-            description="Window of the series of deliveries of a steady state, in ticks or as a time "
-            "such as 10 min; default a 200th of the run, at least 1 tick."
+            description="Length of the periods in which the deliveries of a steady state are counted, "
+            "in ticks or as a time such as 10 min; default: 1/200 of the run, at least 1 tick."
         ),
     ] = None
     analysis: Analysis | None = None

@@ -542,9 +542,9 @@ def bounds_in_words(resolved: Resolved) -> list[str]:
     most, why = min((flow.most_robots, "robots"), (flow.most_stations, "stations"))
     return [
         f"estimate without traffic: {estimate}, assuming uniform pod demand, one line per trip and "
-        f"fixed storage; {percent(empty, 0)} of a trip is the way to the pod, the mean way between two "
-        "pods",
-        f"bound for any strategies: at most {most * ticks:,.0f} visits {each}, because of the {why}",
+        f"fixed storage; the drive to the pod (on average, from pod to pod) takes "
+        f"{percent(empty, 0)} of a trip",
+        f"upper bound for any strategy: {most * ticks:,.0f} visits {each}, limited by {why}",
     ]
 
 

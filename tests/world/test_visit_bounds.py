@@ -33,9 +33,7 @@ def test_least_drives_on_a_large_floor() -> None:
         "in the long run 437 visits an hour, limited by robots (437 by 30 robots, 619 by 4 chargers, "
         "1,108 by 6 stations), assuming uniform pod demand"
     )
-    assert bound == (
-        "bound for any strategies: at most 2,880 visits an hour, because of the stations"
-    )
+    assert bound == ("upper bound for any strategy: 2,880 visits an hour, limited by stations")
 
 
 def test_a_ring() -> None:

@@ -546,7 +546,7 @@ def bounds_in_words(resolved: Resolved) -> list[str]:
         *sentences,
         "assumptions: uniform pod demand, one line per trip, fixed storage; the way to the pod "
         f"({percent(empty, 0)} of a trip) is the mean way between two pods",
-        f"bound for any strategies: at most {most * ticks:,.0f} visits {each}, because of the {why}",
+        f"upper bound for any strategy: {most * ticks:,.0f} visits {each}, limited by {why}",
     ]
 
 

@@ -67,7 +67,7 @@ def size_warnings(resolved: Resolved) -> list[str]:
         what = "long" if length is not None and length > side else "wide"
         size = length if what == "long" else width
         sentences.append(
-            f"{name} are {size:g} m {what}, but a cell has {side:g} m: a robot takes one cell, so "
+            f"{name} are {size:g} m {what}, but a cell is {side:g} m: a robot takes one cell, so "
             "they drive and queue closer together than such robots can; set units.cell to "
             f"{largest:g} m or more"
         )

@@ -76,7 +76,7 @@ def test_vehicles_longer_than_every_accepted_cell_are_named_with_a_way_out(
     path = write(tmp_path, lif(spurred(4.2), SPURRED))
     _, report, scenario = imported(path, capsys, "--robot", "2.4m")
     (note,) = (one for one in report["notes"] if one.startswith("vehicles are 2.4 m long"))
-    assert "but a cell has" in note and "closer together than these vehicles can" in note
+    assert "but a cell is" in note and "closer together than these vehicles can" in note
     suggested = note.partition("; ")[2].split()
     assert suggested[0] == "--cell" and suggested[2] == "--accept"
     code, again, _ = imported(path, capsys, "--robot", "2.4m", *suggested[:4])
@@ -100,7 +100,7 @@ def test_cells_hold_the_vehicle_of_the_file_where_the_distances_allow(
 def test_a_wide_vehicle_is_called_wide(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     _, report, _ = imported(model(tmp_path, 900, 1500), capsys, "--cell", "1m")
     assert any(
-        note.startswith("vehicles are 1.5 m wide, but a cell has 1 m") for note in report["notes"]
+        note.startswith("vehicles are 1.5 m wide, but a cell is 1 m") for note in report["notes"]
     )
 
 

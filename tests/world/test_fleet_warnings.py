@@ -124,7 +124,7 @@ METRE = {"tick": "1 s", "cell": "1 m"}
 def test_robots_longer_or_wider_than_a_cell_are_warned_of_once_for_each_type() -> None:
     warned = size_warnings(large({"length": 1.6, "width": 0.8}, METRE))
     assert warned == [
-        "robots are 1.6 m long, but a cell has 1 m: a robot takes one cell, so they drive and queue "
+        "robots are 1.6 m long, but a cell is 1 m: a robot takes one cell, so they drive and queue "
         "closer together than such robots can; set units.cell to 1.6 m or more"
     ]
     types = [{"name": "fork", "robots": 1, "width": 1.2}, {"name": "tug", "length": 0.9}]
@@ -152,7 +152,7 @@ def test_a_size_is_written_with_its_unit_and_check_names_it(
         "orders: {list: [{stops: [[3, 0]]}]}\nstop: {when: delivered, max_duration: 100}\n"
     )
     assert main(["check", str(path)]) == 0
-    assert "robots are 2.4 m long, but a cell has 1 m" in capsys.readouterr().err
+    assert "robots are 2.4 m long, but a cell is 1 m" in capsys.readouterr().err
     path.write_text(path.read_text().replace("240 cm", "3 s"))
     assert main(["check", str(path)]) == 2
     assert "'3 s' is a time, expected a length such as 1.2 m" in capsys.readouterr().err

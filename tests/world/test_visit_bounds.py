@@ -36,9 +36,7 @@ def test_least_drives_on_a_large_floor() -> None:
         "(30 robots: 437, 4 chargers: 619, 6 stations: 1,108)"
     )
     assert assumptions.startswith("assumptions: uniform pod demand, ")
-    assert bound == (
-        "bound for any strategies: at most 2,880 visits an hour, because of the stations"
-    )
+    assert bound == "upper bound for any strategy: 2,880 visits an hour, limited by stations"
 
 
 def test_a_ring() -> None:

@@ -79,7 +79,7 @@ def size_notes(graph: Graph, fit: Fit, options: ImportOptions) -> list[str]:
     is_length = length is not None and length > fit.cell
     what = f"{float(largest):g} m {'long' if is_length else 'wide'}"
     text = (
-        f"vehicles are {what}, but a cell has {cell}: a robot takes one cell, so robots drive and "
+        f"vehicles are {what}, but a cell is {cell}: a robot takes one cell, so robots drive and "
         "queue closer together than these vehicles can"
     )
     return [f"{text}; {_larger_cells(graph, largest)}"]
@@ -91,11 +91,11 @@ def _larger_cells(graph: Graph, length: Fraction) -> str:
     if best is None:
         return f"in cells of {float(length):g} m or more, nodes or edges are in each other's way"
     edge, cell = graph.edges[best.worst], float(best.cell)
-    changed = f"the edge {edge.name}, {edge.metres:.4g} m, {100 * best.error[best.worst]:+.1f} %"
+    changed = f"the edge {edge.name} ({edge.metres:.4g} m) by {100 * best.error[best.worst]:+.1f} %"
     if best.refusal:
-        return f"cells that hold one change edges too much, at best {changed} in {cell:g} m"
+        return f"cells that hold a vehicle change edges too much: {cell:g} m, the best, changes {changed}"
     accept = math.ceil(100 * _error(best) - 1e-9)
-    return f"--cell {cell:g}m --accept {accept}% holds one, and changes {changed}"
+    return f"--cell {cell:g}m --accept {accept}% makes cells that hold a vehicle, and changes {changed}"
 
 
 def _error(fit: Fit) -> float:

@@ -135,6 +135,18 @@ def shortest_distance(view, workspace, robot_type, cell, heading, target):
     return cost_in(workspace.tables, table, cell, heading)
 
 
+@kernel
+def guided_heading(view, workspace, robot_type, cell, target):
+    """The heading from which the way from a cell to a target costs least; of several the first."""
+    tables, best, least = guiding_tables(workspace), np.int64(0), np.int64(UNREACHABLE)
+    row = row_to(tables, robot_type, target, view.clock.tick, False)
+    for heading in range(view.grid.headings):
+        cost = cost_in(tables, row, cell, heading)
+        if cost < least:
+            best, least = np.int64(heading), cost
+    return best
+
+
 # The costs by which ways are chosen: ticks, or with streets ticks times weights, in 1 / WEIGHT_UNIT.
 
 

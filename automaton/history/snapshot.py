@@ -161,17 +161,11 @@ def _detour(simulation: Simulation, selected: int) -> int:
     world = simulation.world
     if not len(world.grid.move_weight) or not 0 <= selected < len(world.robots.cell):
         return 0
-    from automaton.engine.operations import first_cell
-    from automaton.engine.search import distance, shortest_distance
+    from automaton.runs.task_lower_bounds import detour_ahead
 
-    robots, i = world.robots, int(world.robots.at_index[selected])
-    here, goal = int(first_cell(robots, i)), int(robots.goal_cell[i])
-    if NIL in (here, goal):
-        return 0
-    way = (int(robots.type[i]), here, int(robots.heading[i]), goal)
     with np.errstate(over="ignore"):
-        guided = distance(simulation.view, simulation.workspace, *way)
-        return int(guided) - int(shortest_distance(simulation.view, simulation.workspace, *way))
+        i = world.robots.at_index[selected]
+        return int(detour_ahead(simulation.view, simulation.workspace, i))
 
 
 def _illegal(simulation: Simulation) -> dict[int, str]:

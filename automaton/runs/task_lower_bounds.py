@@ -6,14 +6,20 @@ import numpy as np
 
 from automaton.engine.distance_tables import UNREACHABLE
 from automaton.engine.jit.kernel import kernel
-from automaton.engine.operations import end_of_stops, has_load, headings_of, limited_ticks
+from automaton.engine.operations import (
+    end_of_stops,
+    first_cell,
+    has_load,
+    headings_of,
+    limited_ticks,
+)
 from automaton.engine.search import (
     STARTED,
     TURNED_AHEAD,
     TURNED_BEHIND,
     begin_search,
     distance,
-    guiding_tables,
+    guided_heading,
     pop,
     reach,
     shortest_distance,
@@ -24,7 +30,6 @@ from automaton.engine.state import (
     MAY_TURN,
     NIL,
 )
-from automaton.engine.table_rows import cost_in, row_to
 from automaton.strategy.placing import dropoff_cell, pickup_cell
 
 POSE_MASK = (1 << 32) - 1  # key of the priority queue: estimated ticks << 32 | pose
@@ -80,11 +85,13 @@ def guided_way_ticks(view, workspace, which, out):
     """out[k] = driving ticks of order which[k] on the empty floor, from the pose in which it was taken:
     by the ways that the weights of streets choose, and by the shortest ways.
 
-    Each leg but the first begins with its best heading. UNREACHABLE if no way exists.
+    Each leg but the first begins with its best heading. Both 0 if no way exists.
     """
     for k in range(which.shape[0]):
-        out[k, 0] = ticks_of_legs(view, workspace, which[k], True, True)
-        out[k, 1] = ticks_of_legs(view, workspace, which[k], True, False)
+        guided = ticks_of_legs(view, workspace, which[k], True, True)
+        is_reached = guided < UNREACHABLE
+        out[k, 0] = guided if is_reached else 0
+        out[k, 1] = ticks_of_legs(view, workspace, which[k], True, False) if is_reached else 0
 
 
 @kernel
@@ -121,13 +128,20 @@ def ticks_of_leg(view, workspace, robot_type, here, heading, to, is_guided):
     if not is_guided:
         return least_leg(view, workspace, robot_type, here, heading, to)
     if heading == NIL:
-        tables, least = guiding_tables(workspace), np.int64(UNREACHABLE)
-        row = row_to(tables, robot_type, to, view.clock.tick, False)
-        for begin in range(view.grid.headings):
-            cost = cost_in(tables, row, here, begin)
-            if cost < least:
-                least, heading = cost, np.int64(begin)
-    return distance(view, workspace, robot_type, here, max(heading, 0), to)
+        heading = guided_heading(view, workspace, robot_type, here, to)
+    return distance(view, workspace, robot_type, here, heading, to)
+
+
+@kernel
+def detour_ahead(view, workspace, i):
+    """Ticks by which streets make the way of robot i to its goal longer than the shortest."""
+    robots = view.robots
+    here, goal = np.int64(first_cell(robots, i)), np.int64(robots.goal_cell[i])
+    if here == NIL or goal == NIL:
+        return np.int64(0)
+    robot_type, heading = np.int64(robots.type[i]), np.int64(robots.heading[i])
+    shortest = shortest_distance(view, workspace, robot_type, here, heading, goal)
+    return distance(view, workspace, robot_type, here, heading, goal) - shortest
 
 
 @kernel

@@ -15,7 +15,6 @@ from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
-from automaton.engine.distance_tables import UNREACHABLE
 from automaton.engine.state import (
     ACTION_DROP,
     ACTION_PICK,
@@ -133,10 +132,10 @@ def sums_of_detours(run: Measured, borders: Array) -> dict[str, Array]:
     tasks = tasks[orders.delivered[tasks] > borders[0]]
     unknown = tasks[guided[tasks, 0] == NIL]
     if len(unknown):
-        found = np.zeros((len(unknown), 2), np.int32)
+        ticks = np.zeros((len(unknown), 2), np.int32)
         with interruptible(run.workspace.stop), np.errstate(over="ignore"):
-            guided_way_ticks(run.view, run.workspace, unknown, found)
-        guided[unknown] = np.where(found[:, :1] < UNREACHABLE, found, 0)
+            guided_way_ticks(run.view, run.workspace, unknown, ticks)
+        guided[unknown] = ticks
     ways, shortest = guided[tasks].astype(np.int64).T
     ends = np.maximum(orders.delivered[tasks], 1)  # ticks count from 1
     return {

@@ -13,7 +13,6 @@ from automaton.errors import Finding, InputError, Keys, alternatives
 from automaton.floor.floor_plan import CHARGER, SHELF, STATION, UNLIMITED
 from automaton.floor.reachability import dead_ends_of, steps_from
 from automaton.scenario.arrivals import Mean, MeanTime
-from automaton.scenario.changing_floor import StreetPlan
 from automaton.scenario.order_lines import has_due_times, line_column, listed_lines, transports_of
 from automaton.strategy.lookup import (
     AVOIDS_TRAFFIC,
@@ -148,8 +147,8 @@ def leads_into_dead_end(resolved: Resolved) -> str:
     Presets lay streets everywhere, so they lead into some of the dead ends of most floors.
     """
     floor_plan, streets = resolved.floor_plan, resolved.scenario.streets
-    is_preset = isinstance(streets, StreetPlan) and streets.preset is not None
     pibt = resolved.strategies["right_of_way"].name == "pibt"
+    is_preset = getattr(streets, "preset", None) is not None
     if not streets or is_preset or not pibt or resolved.scenario.fleet.robots < 2:
         return ""
     ends, weights = dead_ends_of(floor_plan), floor_plan.move_weights

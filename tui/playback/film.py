@@ -17,7 +17,6 @@ from __future__ import annotations
 
 import json
 import math
-import os
 import sys
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
@@ -56,7 +55,6 @@ from tui.render.styles import (
     style,
     text,
 )
-from tui.terminal.options import glyphs_of
 
 if TYPE_CHECKING:
     from automaton.history.snapshot import Snapshot
@@ -289,18 +287,18 @@ def layer_text(simulation: Simulation, layer: str) -> str:
     from automaton.history.snapshot import take_snapshot
     from tui.playback.playback_state import Overlays
 
-    resolved, glyphs = simulation.resolved, glyphs_of(os.environ)
+    resolved = simulation.resolved
     bare = take_snapshot(simulation, NIL, layer)
     snapshot = Overlays().laid_over(bare, simulation, layer, playing=False)
     scene = Scene(floor_of(resolved), snapshot, layer=layer)
     camera = Camera(resolved.floor_plan, 1, 1)
     camera.one_to_one()
     camera.resize(*camera.size())
-    codes = compose(scene, camera, SHADED if glyphs is UNICODE else glyphs)
-    key = layer_named(layer).key_words(scene, resolved, glyphs)
+    codes = compose(scene, camera, SHADED)
+    key = layer_named(layer).key_words(scene, resolved, SHADED)
     if failed := failure():
         raise InputError(failed)
-    return "\n".join([as_text(codes, glyphs), *key])
+    return "\n".join([as_text(codes, SHADED), *key])
 
 
 # The size of a film, and its step of the zoom ladder.

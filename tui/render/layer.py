@@ -18,7 +18,6 @@ from tui.render.styles import GlyphSet
 if TYPE_CHECKING:
     from automaton.runs.simulation import Simulation
     from automaton.world.resolved import Resolved
-    from tui.render.camera import CellRectangle
     from tui.render.cell_looks import Canvas, Pixels
     from tui.render.scene import Choice
     from tui.render.styles import Codes, Entries
@@ -67,10 +66,16 @@ class Layer:
         return None
 
     def signs(
-        self, scene: Scene, cells: CellRectangle, across: int, down: int, glyphs: GlyphSet
+        self,
+        scene: Scene,
+        cells: tuple[int, int, int, int],
+        across: int,
+        down: int,
+        glyphs: GlyphSet,
     ) -> Codes | None:
-        """(rows, columns) codes for blocks of across x down cells in a rectangle, drawn over the floor.
+        """(rows, columns) codes for blocks of across x down cells, drawn over the floor.
 
+        `cells`: top, left, bottom and right of a rectangle, as tui.render.camera.CellRectangle. A code of
         0: what stands there stays; None: the layer has no signs.
         """
         return None

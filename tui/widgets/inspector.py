@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from automaton.drawings.street_arrows import WEIGHT_PARTS
 from automaton.engine.state import (
     NIL,
     ORDER_CARRIED,
@@ -55,8 +56,6 @@ from tui.widgets.pod_facts import (
 )
 from tui.widgets.robot_facts import charger_lines, closed_to, robot_lines
 from tui.widgets.zone_facts import order_zone, part_of_order, station_facts, zone_facts, zone_lines
-
-UNIT = 100  # weights of a floor are in 1 / UNIT
 
 GUIDE = (
     "Click a robot, a shelf or any other cell of the map.",
@@ -181,13 +180,13 @@ def _weights(view: View, cell: int) -> Parts:
         return []
     exits, closed = int(floor_plan.exits.flat[cell]), closed_moves(floor_plan, cell)
     said = [
-        f"{name} {'closed' if direction in closed else f'{weight / UNIT:g}'}"
+        f"{name} {'closed' if direction in closed else f'{weight / WEIGHT_PARTS:g}'}"
         for direction, (name, weight) in enumerate(
             zip(DIRECTIONS, floor_plan.move_weights[cell].tolist(), strict=True)
         )
         if direction in closed or exits >> direction & 1
     ]
-    return [", ".join([*said, f"waiting {floor_plan.wait_weights[cell] / UNIT:g}"])]
+    return [", ".join([*said, f"waiting {floor_plan.wait_weights[cell] / WEIGHT_PARTS:g}"])]
 
 
 def closed_moves(floor_plan: FloorPlan, cell: int) -> list[int]:

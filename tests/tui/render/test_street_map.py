@@ -13,12 +13,13 @@ from render_scenes import ALL, DRAWN, at, camera_at, drawn, fg, make_scene, open
 from viewer_harness import viewing
 
 from automaton.commands import main
+from automaton.drawings.street_arrows import wait_steps
 from automaton.floor.floor_plan import FloorPlan
 from automaton.pytest_plugin import GridSnapshot
 from automaton.scenario.changing_floor import Street, StreetPlan
 from automaton.scenario.streets import Streets, StreetWeights, streets_on
 from automaton.world.resolve import resolve
-from tui.layers.streets import StreetWaits, arrow_codes, wait_levels
+from tui.layers.streets import WAIT_LEVELS, StreetWaits, arrow_codes
 from tui.playback.run_source import live
 from tui.render import styles
 from tui.render.camera import Camera, shown_rectangle
@@ -51,7 +52,7 @@ def picture(scene: Scene, zoom: str = "1x1", glyphs: GlyphSet = UNICODE) -> list
 
 
 def street_scene(floor_plan: FloorPlan, layer: str = "streets") -> Scene:
-    return make_scene(floor_plan, layer=layer, heat=wait_levels(floor_plan))
+    return make_scene(floor_plan, layer=layer, heat=WAIT_LEVELS[wait_steps(floor_plan)])
 
 
 def test_a_cell_shows_its_cheaper_direction_and_another_head_where_the_way_back_is_closed() -> None:
@@ -129,7 +130,8 @@ def test_no_arrow_points_to_the_dearer_side(weights: list[int], shut: int) -> No
             streets.set_move(cell, direction, weight / 100)
     streets.set_move(cells[shut], 0, "closed")
     floor_plan = streets.floor()
-    codes = arrow_codes(floor_plan, shown_rectangle(floor_plan), 1, 1, UNICODE).reshape(-1)
+    floor = street_scene(floor_plan).floor
+    codes = arrow_codes(floor, shown_rectangle(floor_plan), 1, 1, UNICODE).reshape(-1)
     for cell, code in zip(cells, codes.tolist(), strict=True):
         sign = UNICODE.characters[code & 0xFFFF] if code else DOT
         if sign == DOT:
@@ -147,12 +149,12 @@ def test_weights_of_waiting_are_heat_and_those_of_1_are_none() -> None:
     floor_plan = floor_of(RING)
     scene = street_scene(floor_plan, "street-waits")
     assert picture(scene, glyphs=styles.SHADED)[2] == "..+..."
-    levels = wait_levels(floor_plan)
+    levels = WAIT_LEVELS[wait_steps(floor_plan)]
     assert [int(levels[floor_plan.cell(x, 2)]) for x in (1, 2, 3)] == [0, 5, 1]
     camera = camera_at(floor_plan, "1x1")
     words = [entry.meaning for entry in legend(scene, camera.zoom, UNICODE)[:2]]
-    assert words == ["a tick of waiting counts 0 to 0.5", "a tick of waiting counts 2 to 3"]
-    assert StreetWaits().value_words(5) == ["a tick of waiting counts 2 to 3"]
+    assert words == ["waiting counts 0 to 0.5", "waiting counts 2 to 3"]
+    assert StreetWaits().value_words(5) == ["waiting counts 2 to 3"]
 
 
 def test_the_legend_and_the_line_under_the_map_name_what_is_there() -> None:

@@ -63,6 +63,7 @@ from automaton.world.resolve import Resolved, resolve
 
 SCREENING, CONFIRMATION = "screening", "confirmation"  # folders of results
 LOOKED_AT: Final = 5  # runs of the scenario as it is in which lost time is located
+LISTED: Final = 3  # changes that are impossible for the same reason
 MARKED: Final = 9  # changes that the picture of the floor shows
 LARGEST_DRAWN: Final = (120, 60)  # columns and rows of a floor that is drawn
 
@@ -173,9 +174,9 @@ def run(args: argparse.Namespace) -> int:
     free = (name for name in BASE_NAMES if name not in {one.name for one in own})
     base_name = [*unchanged, *free, BASE_NAMES[-1]][0]
     asked = asked_of(args, base, base_name, levels_of(settings))
-    from automaton.studies.reports.site_pages import lost_by_cell  # needs Numba
+    from automaton.studies.reports.site_pages import lost_and_visits  # needs Numba
 
-    lost = lost_by_cell(resolved, replication_seeds(base.scenario.seed, 0, LOOKED_AT))
+    lost, flow = lost_and_visits(resolved, replication_seeds(base.scenario.seed, 0, LOOKED_AT))
     changes = search.candidates_of(
         base,
         lambda texts: resolve(args.scenario, (*settings, *texts)).unrefined,
@@ -183,6 +184,7 @@ def run(args: argparse.Namespace) -> int:
         args.only,
         args.most,
         lost,
+        flow,
     )
     if not changes.tried:
         raise InputError(nothing_to_try(args, changes), args.scenario)
@@ -484,9 +486,18 @@ def omitted(changes: search.CandidateList) -> Iterator[Block]:
     """The changes that were not tried."""
     if changes.refused:
         yield Heading("Not possible")
-        yield Listed([f"{change.name}: {reason}" for change, reason in changes.refused])
+        by_reason: dict[str, list[str]] = {}
+        for change, reason in changes.refused:
+            by_reason.setdefault(reason, []).append(change.name)
+        yield Listed([f"{named(names)}: {reason}" for reason, names in by_reason.items()])
     if changes.left_out:
         yield Text(f"{count(changes.left_out, 'further change')} not tried (--most).")
+
+
+def named(names: Sequence[str]) -> str:
+    """Some changes: "row 1: open both ways; row 2: open both ways; 8 further changes"."""
+    further = [count(len(names) - LISTED, "further change")] if len(names) > LISTED + 1 else []
+    return "; ".join([*names[: LISTED if further else None], *further])
 
 
 # The same as data.

@@ -42,6 +42,7 @@ ALONG_X: Final = EXIT_EAST | EXIT_WEST
 ALONG_Y: Final = EXIT_SOUTH | EXIT_NORTH
 ALL_EXITS: Final = ALONG_X | ALONG_Y
 
+WEIGHT_UNIT: Final = 100  # weights of streets are multiples of 1 / WEIGHT_UNIT
 UNLIMITED: Final = 0  # capacity of a cell that holds any number of robots
 
 WALL: Final = 0
@@ -313,12 +314,24 @@ class FloorPlan:
         """The same floor with other exits: (height + 2, width + 2)."""
         return replace(self, exits=_frozen(exits))
 
+    def with_capacity(self, capacity: CellBytes) -> FloorPlan:
+        """The same floor with other capacities of cells: (height + 2, width + 2)."""
+        return replace(self, capacity=_frozen(capacity))
+
+    @cached_property
+    def possible_exits(self) -> CellBytes:
+        """(height + 2, width + 2) the exits that the kinds of cells allow, whatever arrows say."""
+        leave = np.full_like(self.exits, ALL_EXITS)
+        for along in (ALONG_X, ALONG_Y):  # a track has a single axis
+            leave[(self.kind == TRACK) & (self.exits & along != 0)] = along
+        return derive_exits(self.kind, leave, self.opens)
+
     def with_weights(self, moves: Weights, waits: Weights) -> FloorPlan:
         """The same floor with weights of moves (cells, 4) and of waiting (cells,), in 1/100.
 
         Weights that all are 1 are left out.
         """
-        if (moves == 100).all() and (waits == 100).all():
+        if (moves == WEIGHT_UNIT).all() and (waits == WEIGHT_UNIT).all():
             return self.without_weights()
         moves, waits = moves.astype(np.int32), waits.astype(np.int32)
         moves.setflags(write=False)

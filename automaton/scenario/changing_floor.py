@@ -301,6 +301,9 @@ class ChangingFloor(ConfigSection, frozen=True, kw_only=True):
 LEAST_WEIGHT: Final = 0.01
 MOST_WEIGHT: Final = 10_000
 CLOSED_MOVE: Final = "closed"
+OPEN_MOVE: Final = (
+    "open"  # also against the arrows of the floor, and after an earlier street closed it
+)
 
 Weight = (
     Annotated[
@@ -310,11 +313,79 @@ Weight = (
     | Literal["closed"]
     | None
 )
+StreetWeight = Weight | Literal["open"]
 Wait = (
     Annotated[float, Meta(ge=0, le=MOST_WEIGHT, description="The weight of a tick of waiting.")]
     | None
 )
 Range = Pair | None
+
+
+class Street(ConfigSection, frozen=True, kw_only=True):
+    """Weights of moves in a cell, a row, a column, a path or an area. Later streets overwrite
+    earlier ones. An open move is made even if the floor or an earlier street does not allow it.
+    """
+
+    at: Annotated[NamedCell | None, Meta(description="A cell.")] = None
+    row: Annotated[Annotated[int, Meta(ge=0)] | None, Meta(description="The y of a row.")] = None
+    columns: Annotated[Range, Meta(description="The first and last column of a row.")] = None
+    column: Annotated[Annotated[int, Meta(ge=0)] | None, Meta(description="The x of a column.")] = (
+        None
+    )
+    rows: Annotated[Range, Meta(description="The first and last row of a column.")] = None
+    path: Annotated[
+        Annotated[tuple[NamedCell, ...], Meta(min_length=2)] | None,
+        Meta(description="Corners of a path."),
+    ] = None
+    area: Annotated[Rectangle | None, Meta(description="Two opposite corners of a rectangle.")] = (
+        None
+    )
+    east: Annotated[
+        StreetWeight, Meta(description="Weight of moves to the east, or closed, or open.")
+    ] = None
+    south: Annotated[
+        StreetWeight, Meta(description="Weight of moves to the south, or closed, or open.")
+    ] = None
+    west: Annotated[
+        StreetWeight, Meta(description="Weight of moves to the west, or closed, or open.")
+    ] = None
+    north: Annotated[
+        StreetWeight, Meta(description="Weight of moves to the north, or closed, or open.")
+    ] = None
+    there: Annotated[
+        StreetWeight, Meta(description="Weight of moves along the path, or closed, or open.")
+    ] = None
+    back: Annotated[
+        StreetWeight, Meta(description="Weight of moves back along the path, or closed, or open.")
+    ] = None
+    wait: Annotated[Wait, Meta(description="Weight of a tick of waiting in the cells.")] = None
+    capacity: Annotated[
+        Literal[1, 2] | None,
+        Meta(
+            description="Number of robots that each of the cells holds: 1, or 2, one in each direction."
+        ),
+    ] = None
+
+    def __post_init__(self) -> None:
+        places = [key for key in STREET_PLACES if getattr(self, key) is not None]
+        if len(places) != 1:
+            raise ValueError("a street must have exactly one of at, row, column, path and area")
+        if self.columns is not None and self.row is None:
+            raise ValueError("columns limits a row; this street has none")
+        if self.rows is not None and self.column is None:
+            raise ValueError("rows limits a column; this street has none")
+        if (self.there is not None or self.back is not None) and self.path is None:
+            raise ValueError("there and back are directions of a path; this street has none")
+        if self.path is not None and any(getattr(self, way) is not None for way in DIRECTIONS):
+            raise ValueError("the directions of a path are there and back")
+        rules = (*DIRECTIONS, "there", "back", "wait", "capacity")
+        if all(getattr(self, rule) is None for rule in rules):
+            raise ValueError(
+                "this street has no weight: set a direction, there, back, wait or capacity"
+            )
+
+
+STREET_PLACES: Final = ("at", "row", "column", "path", "area")
 
 
 class StreetPlan(ConfigSection, frozen=True, kw_only=True):
@@ -363,6 +434,9 @@ class StreetPlan(ConfigSection, frozen=True, kw_only=True):
             "the columns."
         ),
     ] = (0, 0)
+    then: Annotated[
+        tuple[Street, ...], Meta(description="Streets that overwrite those of the file or pattern.")
+    ] = ()
 
     def __post_init__(self) -> None:
         if (self.file is None) == (self.preset is None):
@@ -374,54 +448,6 @@ class StreetPlan(ConfigSection, frozen=True, kw_only=True):
 
 
 CRISSCROSS: Final = {"along": 0.5, "against": 1.0, "wait": 1.0}
-
-
-class Street(ConfigSection, frozen=True, kw_only=True):
-    """Weights of moves in a cell, a row, a column, a path or an area. Later streets overwrite
-    earlier ones.
-    """
-
-    at: Annotated[NamedCell | None, Meta(description="A cell.")] = None
-    row: Annotated[Annotated[int, Meta(ge=0)] | None, Meta(description="The y of a row.")] = None
-    columns: Annotated[Range, Meta(description="The first and last column of a row.")] = None
-    column: Annotated[Annotated[int, Meta(ge=0)] | None, Meta(description="The x of a column.")] = (
-        None
-    )
-    rows: Annotated[Range, Meta(description="The first and last row of a column.")] = None
-    path: Annotated[
-        Annotated[tuple[NamedCell, ...], Meta(min_length=2)] | None,
-        Meta(description="Corners of a path."),
-    ] = None
-    area: Annotated[Rectangle | None, Meta(description="Two opposite corners of a rectangle.")] = (
-        None
-    )
-    east: Annotated[Weight, Meta(description="Weight of moves to the east, or closed.")] = None
-    south: Annotated[Weight, Meta(description="Weight of moves to the south, or closed.")] = None
-    west: Annotated[Weight, Meta(description="Weight of moves to the west, or closed.")] = None
-    north: Annotated[Weight, Meta(description="Weight of moves to the north, or closed.")] = None
-    there: Annotated[Weight, Meta(description="Weight of moves along the path, or closed.")] = None
-    back: Annotated[Weight, Meta(description="Weight of moves back along the path, or closed.")] = (
-        None
-    )
-    wait: Annotated[Wait, Meta(description="Weight of a tick of waiting in the cells.")] = None
-
-    def __post_init__(self) -> None:
-        places = [key for key in STREET_PLACES if getattr(self, key) is not None]
-        if len(places) != 1:
-            raise ValueError("a street must have exactly one of at, row, column, path and area")
-        if self.columns is not None and self.row is None:
-            raise ValueError("columns limits a row; this street has none")
-        if self.rows is not None and self.column is None:
-            raise ValueError("rows limits a column; this street has none")
-        if (self.there is not None or self.back is not None) and self.path is None:
-            raise ValueError("there and back are directions of a path; this street has none")
-        if self.path is not None and any(getattr(self, way) is not None for way in DIRECTIONS):
-            raise ValueError("the directions of a path are there and back")
-        if all(getattr(self, way) is None for way in (*DIRECTIONS, "there", "back", "wait")):
-            raise ValueError("this street has no weight: set a direction, there, back or wait")
-
-
-STREET_PLACES: Final = ("at", "row", "column", "path", "area")
 
 Streets = Annotated[
     StreetPlan | tuple[Street, ...],

@@ -59,6 +59,8 @@ class Document:
         for listed in self.listed:
             if keys[: len(listed.keys)] == listed.keys < keys:
                 entry = keys[len(listed.keys)]
+                if isinstance(listed.lines, dict) and entry not in listed.lines:
+                    continue  # it was written beside the name of the file
                 line = None if entry == WHOLE_LIST else int(listed.lines[entry])
                 return InputError(message, listed.file, line)
         for override in reversed(self.overrides):

@@ -18,12 +18,11 @@ import re
 from collections.abc import Iterator, Sequence
 from typing import Any, Final, Literal, NamedTuple
 
-import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
 from automaton.errors import InputError, nearest
-from automaton.floor.floor_plan import DIRECTIONS, FloorPlan
+from automaton.floor.floor_plan import DIRECTIONS, WEIGHT_UNIT, FloorPlan
 from automaton.scenario.changing_floor import (
     CLOSED_MOVE,
     LEAST_WEIGHT,
@@ -33,7 +32,15 @@ from automaton.scenario.changing_floor import (
     Streets,
 )
 from automaton.scenario.document import Document
-from automaton.scenario.streets import STREETS, UNIT, StreetWeights, hundredths, streets_on
+from automaton.scenario.streets import (
+    STREETS,
+    THEN,
+    StreetWeights,
+    enter_streets,
+    hundredths,
+    street_entries,
+    streets_on,
+)
 from automaton.scenario.table_reader import ReadFile, named_file, with_rows
 from automaton.scenario.text_files import content_hash, quoted, read_text
 
@@ -74,11 +81,12 @@ def read_streets(
         listed, lines = streets_of_text(text, floor_plan, streets.scale)
     except InputError as error:
         raise error.at(str(path), error.line) from None
-    data = msgspec.to_builtins(listed)
-    entries = [{key: value for key, value in entry.items() if value is not None} for entry in data]
-    document = with_rows(document, STREETS, str(path), lines, streets=entries)
-    file = ReadFile(str(path.resolve()), content_hash(path))
-    return ReadStreets(document, listed, streets_on(floor_plan, listed, is_closed), file)
+    weights = streets_on(floor_plan, listed, is_closed)
+    enter_streets(weights, streets.then, THEN)
+    listed += streets.then
+    rows = dict(enumerate(lines))
+    document = with_rows(document, STREETS, str(path), rows, streets=street_entries(listed))
+    return ReadStreets(document, listed, weights, ReadFile(str(path.resolve()), content_hash(path)))
 
 
 def streets_of_text(
@@ -257,10 +265,10 @@ def scaled(
     streets = []
     for cell in np.flatnonzero(floor_plan.drivable).tolist():
         at = floor_plan.xy(cell)
-        ways: dict[str, Any] = {"wait": weights.waits[cell] / UNIT}
+        ways: dict[str, Any] = {"wait": weights.waits[cell] / WEIGHT_UNIT}
         for direction, way in enumerate(DIRECTIONS):
             if weights.exits[cell] >> direction & 1:
-                weight = float(weights.moves[cell, direction]) / UNIT
+                weight = float(weights.moves[cell, direction]) / WEIGHT_UNIT
                 ways[way] = CLOSED_MOVE if weights.closed[cell, direction] else weight
         streets.append((lines.get(at, 1), Street(at=at, **ways)))
     return streets
@@ -312,4 +320,4 @@ def _check_range(
 def _field(weight: float) -> str:
     """A weight, rounded as streets are; nothing for 1."""
     units = hundredths(weight)
-    return "" if units == UNIT else f"{units / UNIT:.10g}"
+    return "" if units == WEIGHT_UNIT else f"{units / WEIGHT_UNIT:.10g}"

@@ -22,7 +22,8 @@ import numpy.typing as npt
 import yaml
 
 from automaton.errors import InputError
-from automaton.scenario.changing_floor import cells_of_set
+from automaton.scenario.changing_floor import StreetPlan, Streets, cells_of_set
+from automaton.scenario.streets import changed_stretches, street_entries
 from automaton.studies.inference.intervals import (
     Effect,
     Interval,
@@ -64,6 +65,8 @@ class CandidateChange(NamedTuple):
     settings: Settings
     cells: tuple[int, ...] = ()  # flat cells of the changed part of the floor; (): it has no place
     objection: str = ""  # why it cannot be tried
+    of_street: bool = False  # tried by flow, after all others
+    may_cut_off: bool = False  # left out where it leaves no way between places that robots need
 
     @property
     def texts(self) -> tuple[str, ...]:
@@ -90,7 +93,7 @@ def in_yaml(value: Any) -> str:
 
 
 def place_changes(resolved: Resolved) -> Iterator[CandidateChange]:
-    """Each door kept open, one more robot in each block, each speed limit lifted."""
+    """Each door kept open, one more robot in each block, each speed limit lifted; changed streets."""
     floor, floor_plan = resolved.scenario.floor, resolved.floor_plan
     for number, door in enumerate(floor.doors):
         key, (x, y) = f"floor.doors.{number}", door.at
@@ -107,6 +110,18 @@ def place_changes(resolved: Resolved) -> Iterator[CandidateChange]:
         cells = tuple(cells_of_set("", limit.cells, floor_plan))
         settings = {f"floor.speed_limits.{number}.max_speed": 1}
         yield CandidateChange(PLACE, f"speed limit {number + 1} lifted", settings, cells)
+    for one in changed_stretches(floor_plan):
+        settings = further_streets(resolved.own_streets, one.streets)
+        yield CandidateChange(
+            PLACE, one.name, settings, one.cells, of_street=True, may_cut_off=one.may_cut_off
+        )
+
+
+def further_streets(own: Streets | None, streets: Sequence[dict[str, Any]]) -> Settings:
+    """The setting that adds streets to those of a scenario."""
+    if isinstance(own, StreetPlan):
+        return {"streets.then": [*street_entries(own.then), *streets]}
+    return {"streets": [*street_entries(own or ()), *streets]}
 
 
 def station_changes(resolved: Resolved) -> Iterator[CandidateChange]:
@@ -294,17 +309,19 @@ def candidates_of(
     kinds: Sequence[str],
     most: int,
     lost: npt.NDArray[np.float64],
+    flow: npt.NDArray[np.float64],
 ) -> CandidateList:
-    """The changes to try: own ones, those without a place, then by the time lost near them.
+    """The changes to try: own ones, those without a place, then by the time lost near them, then streets
+    by the flow beside them.
 
-    `base`: the scenario as it is; `changed`: it with further settings, both unrefined; `lost`: (C,) lost
-    ticks. Changes that would repeat a scenario are not tried. Raises InputError for an own change
-    that cannot be run.
+    `base`: the scenario as it is; `changed`: it with further settings, both unrefined; `lost`, `flow`:
+    (C,) lost ticks, visits. Changes that would repeat a scenario are not tried. Raises InputError for an
+    own change that cannot be run.
     """
     names, known = {one.name for one in own}, {fingerprint(base)}
     further = [one for kind in KINDS if kind in kinds for one in BY_KIND[kind](base)]
     further = [one for one in further if one.settings and one.name not in names]
-    further.sort(key=lambda one: -lost_near(base, lost, one.cells) if one.cells else -math.inf)
+    further.sort(key=lambda one: precedence(base, one, lost, flow))
     tried: list[CandidateChange] = []
     refused: list[tuple[CandidateChange, str]] = []
     candidates = [*own, *further]
@@ -316,7 +333,8 @@ def candidates_of(
         except InputError as error:
             if candidate.kind == OWN:
                 raise
-            refused.append((candidate, error.message))
+            if not candidate.may_cut_off:
+                refused.append((candidate, error.message))
             continue
         mark = fingerprint(resolved)
         if mark not in known:
@@ -352,15 +370,35 @@ def placed(candidate: CandidateChange, base: Resolved, changed: Resolved) -> Can
     return candidate._replace(cells=tuple(np.flatnonzero(now != then).tolist()))
 
 
+def precedence(
+    base: Resolved,
+    one: CandidateChange,
+    lost: npt.NDArray[np.float64],
+    flow: npt.NDArray[np.float64],
+) -> tuple[int, float]:
+    """The order of changes: the least is tried first."""
+    if not one.cells:
+        return 0, 0.0
+    if not one.of_street:
+        return 1, -lost_near(base, lost, one.cells)
+    beside = near(base, one.cells, 1) & base.floor_plan.drivable.reshape(-1)
+    return 2, -float(flow[beside].mean())
+
+
 def lost_near(resolved: Resolved, lost: npt.NDArray[np.float64], cells: Sequence[int]) -> float:
     """The lost ticks within NEAR rows and columns of some cells; `lost`: (C,)."""
+    return float(lost[near(resolved, cells, NEAR)].sum())
+
+
+def near(resolved: Resolved, cells: Sequence[int], reach: int) -> npt.NDArray[np.bool_]:
+    """(C,) the cells within some rows and columns of others."""
     height, width = resolved.floor_plan.kind.shape
-    near = np.zeros((height, width), np.bool_)
+    inside = np.zeros((height, width), np.bool_)
     for cell in cells:
         row, column = divmod(cell, width)
-        rows = slice(max(0, row - NEAR), row + NEAR + 1)
-        near[rows, max(0, column - NEAR) : column + NEAR + 1] = True
-    return float(lost[near.reshape(-1)].sum())
+        rows = slice(max(0, row - reach), row + reach + 1)
+        inside[rows, max(0, column - reach) : column + reach + 1] = True
+    return inside.reshape(-1)
 
 
 # Screening.

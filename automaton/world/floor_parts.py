@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from typing import Final
 
 import msgspec
 import numpy as np
@@ -32,9 +31,6 @@ from automaton.scenario.schema import Scenario
 from automaton.scenario.streets import StreetWeights, streets_on
 from automaton.scenario.validation import dotted
 from automaton.units import count
-
-MAX_SPEEDS: Final = 14  # of speed limits: distance tables have a queue for each, plus two
-
 
 # Stations and chargers that are closed in the whole run: cells on which robots drive, without a function.
 
@@ -138,10 +134,6 @@ def check_speed_limits(scenario: Scenario, floor_plan: FloorPlan) -> Iterator[Fi
                 raise InputError(f"{name} has no cell on which robots drive")
         except InputError as error:
             yield Finding(("floor", "speed_limits", number, "cells"), error.message)
-    speeds = len({limit.max_speed for limit in scenario.floor.speed_limits})
-    if speeds > MAX_SPEEDS:
-        text = f"floor.speed_limits has {speeds} different speeds, at most {MAX_SPEEDS} are allowed"
-        yield Finding(("floor", "speed_limits"), text)
 
 
 def with_speed_limits(floor_plan: FloorPlan, limits: tuple[SpeedLimit, ...]) -> FloorPlan:

@@ -75,7 +75,8 @@ def _resolved(reading: Reading, settings: tuple[str | Override, ...]) -> Resolve
     refuse(check_speed_limits(scenario, floor.floor_plan))
     limits = scenario.floor.speed_limits
     floor = floor._replace(floor_plan=with_speed_limits(floor.floor_plan, limits))
-    if scenario.streets is not None:
+    own_streets = scenario.streets
+    if own_streets is not None:
         scenario, streets = reading.with_streets_on_floor(scenario, floor)
         floor = floor._replace(floor_plan=with_streets(scenario, streets.weights))
     scenario = reading.with_files_on_floor(scenario, floor)
@@ -109,6 +110,7 @@ def _resolved(reading: Reading, settings: tuple[str | Override, ...]) -> Resolve
         day=reading.day,
         day_pattern=reading.pattern,
         own_allocations=own_allocations,
+        own_streets=own_streets,
     )
     vars(resolved)["fleet"] = fleet  # with the results of the checks
     refuse(check_allocations(resolved))
@@ -315,13 +317,13 @@ def with_other_weights(
 ) -> tuple[Scenario, FloorPlan]:
     """The scenario with its file of streets, and the floor with their weights.
 
-    Closed moves cannot change during a run. Raises InvalidValueError.
+    Closed and open moves and capacities cannot change during a run. Raises InvalidValueError.
     """
     floor = Floor(resolved.floor_plan)
     scenario, streets = reading.with_streets_on_floor(scenario, floor, is_closed=True)
     weights = streets.weights
     before = streets_on(resolved.floor_plan, resolved.scenario.streets, is_closed=True)
-    if (weights.closed != before.closed).any():
-        text = "streets may change weights during a run, but not which moves are closed"
+    if (weights.rules != before.rules).any():
+        text = "streets may change weights during a run, but neither closed or open moves nor capacities"
         raise InvalidValueError(("streets",), text)
     return scenario, weights.floor()

@@ -13,6 +13,7 @@ import msgspec
 
 from automaton.errors import InvalidValueError
 from automaton.floor.floor_plan import FloorPlan
+from automaton.scenario.changing_floor import Streets
 from automaton.scenario.order_lines import Day, carries_pods, pod_cells, pod_names
 from automaton.scenario.refinement import refined, refined_value, too_long
 from automaton.scenario.schema import LAYER_NAMES, Scenario
@@ -48,6 +49,7 @@ class Resolved:
     coarse: Resolved | None = None  # in coarse ticks, if this is in finer ones
     # The allocation of each type of robots that has its own; None: that of `strategies`.
     own_allocations: tuple[StrategyChoice | None, ...] = ()
+    own_streets: Streets | None = None  # as the scenario has them, before their file was read
     days: tuple[Day, ...] = ()  # files of orders or lines; a seed draws one of them
     day: int = 0  # the one whose orders the scenario has
     day_pattern: str = ""  # that the files match; "" if the scenario names a single one

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 import numpy as np
 
 from automaton.errors import Finding, InputError, Keys, alternatives
-from automaton.floor.floor_plan import CHARGER, SHELF, STATION, UNLIMITED
+from automaton.floor.floor_plan import CHARGER, SHELF, STATION, UNLIMITED, WEIGHT_UNIT
 from automaton.floor.reachability import dead_ends_of, steps_from
 from automaton.scenario.arrivals import Mean, MeanTime
 from automaton.scenario.order_lines import has_due_times, line_column, listed_lines, transports_of
@@ -39,7 +39,6 @@ if TYPE_CHECKING:
     from automaton.engine.state import Array, Grid
 
 NO_STRATEGY: Final = "none"
-WEIGHT_OF_1: Final = 100  # in the arrays of a floor
 CHEAPER: Final = 1.25  # the factor from which the viewer draws a street
 FAR_FROM_1: Final = 4  # factor of a mean weight from 1 that is likely a mistake
 MOST_STATIONS: Final = 100  # stations between which all ways are measured
@@ -122,13 +121,13 @@ def street_warnings(resolved: Resolved) -> list[str]:
             f"streets has weights, but strategy.routing {routing.name} may not read them; pibt, epibt "
             "and the shipped routings do"
         )
-    if not steers and (floor_plan.wait_weights != WEIGHT_OF_1).any():
+    if not steers and (floor_plan.wait_weights != WEIGHT_UNIT).any():
         warnings.append(
             f"streets has weights of waiting, but strategy.right_of_way is {row.name}; only pibt and "
             "epibt read them"
         )
     exits = (floor_plan.exits.reshape(-1)[:, None] >> np.arange(4)) & 1 > 0
-    mean = float(floor_plan.move_weights[exits].mean()) / WEIGHT_OF_1
+    mean = float(floor_plan.move_weights[exits].mean()) / WEIGHT_UNIT
     turns = any(ticks for one in resolved.fleet.types for ticks in one.turns)
     if turns and mean > FAR_FROM_1:
         warnings.append(

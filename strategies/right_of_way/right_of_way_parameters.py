@@ -134,8 +134,6 @@ class GuidedParameters(SteeringParameters, forbid_unknown_fields=True, frozen=Tr
                 return "its lattice weights do not support storage; with pods, leave guidance out"
             if scenario.information != "everything":
                 return "its lattice weights need information: everything; leave guidance out"
-            if len(np.unique(floor_plan.min_move_ticks)) > MAX_GUIDED_SPEEDS:
-                return f"lattice weights support at most {MAX_GUIDED_SPEEDS} speeds; leave guidance out"
         return super().check_scenario(scenario, floor_plan)
 
     def tuned_values(self, scenario: Any, floor_plan: Any) -> dict[str, tuple[Any, ...]]:

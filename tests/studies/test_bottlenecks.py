@@ -85,8 +85,8 @@ def listed(path: Path, content: dict[str, Any], **more: Any) -> CandidateList:
 
 def candidates(scenario: str | Path, **more: Any) -> CandidateList:
     base = resolve(scenario).unrefined
-    lost = np.zeros(base.floor_plan.kind.size)
-    usual = {"own": (), "kinds": KINDS, "most": 150, "lost": lost} | more
+    none = np.zeros(base.floor_plan.kind.size)
+    usual = {"own": (), "kinds": KINDS, "most": 150, "lost": none, "flow": none} | more
     return candidates_of(base, lambda texts: resolve(scenario, texts).unrefined, **usual)
 
 

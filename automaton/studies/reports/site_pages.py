@@ -472,15 +472,16 @@ def observed(simulation: Simulation) -> tuple[Array, Array, Array]:
     )
 
 
-def lost_by_cell(resolved: Resolved, seeds: Sequence[int]) -> Array:
-    """(C,) lost robot ticks of a run by cell, the mean over seeds, in ticks of the scenario."""
-    lost: Array = np.zeros(resolved.floor_plan.kind.size)
+def lost_and_visits(resolved: Resolved, seeds: Sequence[int]) -> Array:
+    """(2, C) lost robot ticks, in ticks of the scenario, and visits by cell; the mean of runs."""
+    sums: Array = np.zeros((2, resolved.floor_plan.kind.size))
     for seed in seeds:
         with attribute_strategy_errors(resolved):
             simulation = Simulation(resolved, seed, on_observe=Simulation.empty_observation)
             simulation.run()
-        lost += observed(simulation)[0]
-    return lost / (len(seeds) * resolved.scenario.refine)
+        lost, _, visits = observed(simulation)
+        sums += lost / resolved.scenario.refine, visits
+    return sums / len(seeds)
 
 
 def by_cell(lost: Array, zone: Array) -> Array:

@@ -149,10 +149,11 @@ def design_runs(
 
     with lock_folder(folder):
         store, _ = open_results(folder, plan, recompute)
-        load_existing(store, False, False, on_begun)
+        begun, _ = load_existing(store, False, False, None)
         for row in store.every_row():
             if row["key"] not in rows or row["error"] is None:
                 rows[row["key"]] = about(row, row, names)
+        on_begun(begun._replace(done=len(rows)))
         writer = DesignWriter(store)
         try:
             with Coordinator(backend, writer, keep, patience) as coordinator:

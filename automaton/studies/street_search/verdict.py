@@ -50,6 +50,15 @@ def choose(
     return ChosenDesign(left[0], made, rounds)
 
 
+def choice_runs(finalists: int) -> int:
+    """The runs of a choice with one fleet."""
+    left, number, made = finalists, SELECT_RUNS, 0
+    while left > 1:
+        made += left * (number if not made else number // 2)
+        left, number = math.ceil(left / 2), 2 * number
+    return made
+
+
 def mean_value(question: SearchQuestion, rows: Sequence[Row]) -> float:
     """The mean value of some runs; -inf if one of them did not finish."""
     return sum(question.value(row) for row in rows) / len(rows)

@@ -12,19 +12,20 @@ edges can be directed so that it stays strongly connected (Robbins 1939).
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from automaton.floor.floor_plan import FloorPlan
+from automaton.floor.floor_plan import STORAGE, FloorPlan
 from automaton.floor.reachability import has_storage, reached_along, to_and_from
 from automaton.scenario.robot_types import RobotType, floor_by_type, rows_of
 from automaton.studies.inference.intervals import Effect
 from automaton.studies.street_search.designs import StreetDesign, Stretch, stretches
 from automaton.studies.street_search.reasons import ComparedRuns, edges_of, move_ratio
-from automaton.world.floor_parts import places_of
+from automaton.world.floor_parts import places_of, queue_path
 from automaton.world.resolved import Resolved
 
 CLOSING_RATIO: Final = 4.0
@@ -38,29 +39,47 @@ Mask = NDArray[np.bool_]
 class NeededWays:
     """The ways between the cells that the robots of a scenario need, by type and load.
 
-    On rails a way leads from and to an axis of travel, because robots turn on turntables only. With
-    storage, whatever is reached from a cell and back without driving through storage is a way.
+    Robots need every cell that they reach and come back from: they may be pushed there. On rails a way
+    leads from and to an axis of travel, because robots turn on turntables only. With storage, whatever
+    is reached from a cell and back without driving through storage is a way.
     """
 
     def __init__(self, resolved: Resolved) -> None:
-        self.floor_plan = floor_plan = resolved.floor_plan
+        scenario, floor_plan = resolved.scenario, resolved.floor_plan
+        self.floor_plan = floor_plan
         rows = {(one.closed, one.rail): one for one in rows_of(resolved.fleet.types, True)}
         self.types: tuple[RobotType, ...] = tuple(rows.values())
-        needed = np.zeros(floor_plan.kind.size, np.bool_)
-        needed[places_of(resolved.scenario, floor_plan)] = True
-        self.needed = needed
+        self.needed: Mask = np.logical_or.reduce(resolved.fleet.within)
+        self.needed[places_of(scenario, floor_plan)] = True
+        self.queues = np.zeros((floor_plan.kind.size, 4), np.bool_)  # moves in station queues
+        for station in scenario.stations.values():
+            cells = [floor_plan.cell(*station.at)]
+            cells += queue_path(floor_plan, station.at, station.queue)
+            for ahead, cell in itertools.pairwise(cells):
+                self.queues[cell, floor_plan.offsets.index(ahead - cell)] = True
         # Type, cell and axis from which ways begin and to which they lead; (4, cells) cells on them.
         self.ways: list[tuple[int, int, int, Mask]] = []
         by_type = floor_by_type(floor_plan, self.types)
         for number, plan in enumerate(by_type.floor_plans):
-            left = needed & ~by_type.closed[number]
-            while left.any():
-                cell = int(np.argmax(left))
-                left[cell] = False
-                for axis in (0, 1) if self.types[number].rail else (0,):
-                    cells = self.cells_on_ways(plan, number, cell, axis)
-                    left &= ~(cells[:2].any(axis=0) & cells[2:].any(axis=0))
-                    self.ways.append((number, cell, axis, cells))
+            self.find_ways(number, plan, self.needed & ~by_type.closed[number])
+
+    def find_ways(self, number: int, floor_plan: FloorPlan, left: Mask) -> None:
+        """Add the ways of a type to and from cells of each connected part; `left` is modified.
+
+        Aisles come first: a cell of storage may have ways to aisles that have none to each other. On
+        rails two cells may have ways to a third one, but none to each other: stations all count.
+        """
+        storage = floor_plan.kind.reshape(-1) == STORAGE
+        while left.any():
+            aisles = left & ~storage
+            cell = int(np.argmax(aisles if aisles.any() else left))
+            left[cell] = False
+            for axis in (0, 1) if self.types[number].rail else (0,):
+                cells = self.cells_on_ways(floor_plan, number, cell, axis)
+                covered = cells[:2].any(axis=0) & cells[2:].any(axis=0)
+                covered[floor_plan.stations] &= not self.types[number].rail
+                left &= ~covered
+                self.ways.append((number, cell, axis, cells))
 
     def cells_on_ways(self, floor_plan: FloorPlan, number: int, cell: int, axis: int) -> Mask:
         """(4, cells) needed cells reached from a cell, by axis, and those from which it is reached."""
@@ -74,6 +93,8 @@ class NeededWays:
 
     def remain(self, closed: Mask) -> bool:
         """Whether all ways remain; `closed`: (cells, 4) the moves that are closed."""
+        if (closed & self.queues).any():
+            return False
         plans = floor_by_type(with_closed(self.floor_plan, closed), self.types).floor_plans
         return not any(
             (cells & ~self.cells_on_ways(plans[number], number, cell, axis)).any()
@@ -148,6 +169,20 @@ class OneWay(NamedTuple):
     two_way: tuple[Closing, ...]  # would cut off ways that robots need
     change: Effect | None  # of the metric against the design as it was; None: nothing to compare
     is_kept: bool
+
+
+def flow_of(resolved: Resolved, seeds: Sequence[int]) -> NDArray[np.float64]:
+    """(cells, 4) moves in a run out of each cell by direction, the mean over seeds."""
+    from automaton.runs.headless import attribute_strategy_errors
+    from automaton.runs.simulation import Simulation
+
+    flow = np.zeros((resolved.floor_plan.kind.size, 4))
+    for seed in seeds:
+        with attribute_strategy_errors(resolved):
+            simulation = Simulation(resolved, seed, on_observe=Simulation.empty_observation)
+            simulation.run()
+        flow += simulation.observation.flow
+    return flow / len(seeds)
 
 
 def closing_candidates(

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from automaton.floor.floor_plan import DIRECTIONS, EAST, FloorPlan
 from automaton.studies.inference.intervals import Effect, Interval, Values, bonferroni, effect
+from automaton.studies.reports.comparison_tables import relative_text
 from automaton.studies.street_search.designs import (
     StreetDesign,
     StreetRuns,
@@ -92,6 +93,11 @@ class ComparedRuns(NamedTuple):
 def share_of(change: Effect) -> Interval:
     """A change in shares of the metric; as a difference if its mean is not above 0."""
     return change.difference if change.relative is None else change.relative
+
+
+def change_text(change: Effect | Interval) -> str:
+    """A change in percent, with its interval."""
+    return relative_text(share_of(change) if isinstance(change, Effect) else change)
 
 
 # The streets of a design.
@@ -313,8 +319,9 @@ def lead_times_by_group(simulation: Any) -> dict[str, float]:
     loaded = orders.source[done] >= 0
     begin[loaded] = slot_cell[orders.source[done][loaded]]
     end = np.full(len(done), -1, np.int64)
-    has_stops = orders.first_stop[done + 1] > orders.first_stop[done]
-    end[has_stops] = stop_cell[orders.first_stop[done + 1][has_stops] - 1]
+    has_stops = orders.stops_done[done] > 0
+    last = orders.first_stop[done] + orders.stops_done[done] - 1
+    end[has_stops] = stop_cell[last[has_stops]]
     carried = orders.target[done] >= 0
     end[carried] = slot_cell[orders.target[done][carried]]
     known = (begin >= 0) & (end >= 0)

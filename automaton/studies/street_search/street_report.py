@@ -15,17 +15,16 @@ from numpy.typing import NDArray
 
 from automaton.documents.report_document import Listed, Table
 from automaton.floor.floor_plan import FloorPlan
-from automaton.studies.inference.intervals import Effect
-from automaton.studies.reports.comparison_tables import relative_text
 from automaton.studies.street_search.designs import StreetDesign
 from automaton.studies.street_search.one_way import OneWay, with_closed
 from automaton.studies.street_search.reasons import (
     FewerStreets,
     GroupChange,
     Reason,
-    share_of,
+    change_text,
     sum_of_largest,
 )
+from automaton.units import count
 
 SOFT: Final = ("→↓←↑", "eswn")  # by direction; Unicode, ASCII
 CLOSED_BACK: Final = ("▶▼◀▲", ">v<^")
@@ -90,11 +89,6 @@ def sentence(reason: Reason, floor_plan: FloorPlan) -> str:
     return "; ".join(parts)
 
 
-def change_text(change: Effect) -> str:
-    """A change in percent with its interval."""
-    return relative_text(share_of(change))
-
-
 def worth_words(reason: Reason) -> str:
     """What a street is worth, or that it has no effect."""
     if reason.worth is None:
@@ -106,7 +100,7 @@ def worth_words(reason: Reason) -> str:
 
 def group_words(group: GroupChange) -> str:
     """Such as "from station 3 to station 7 +6.0 % lead time (+4.1 to +7.9)"."""
-    change, interval = relative_text(group.change).split(" (")
+    change, interval = change_text(group.change).split(" (")
     return f"{group.name} {change} lead time ({interval}"
 
 
@@ -140,22 +134,19 @@ def one_way_words(found: OneWay) -> str:
     """What was closed, and what it costs."""
     if found.change is None:
         return "no street can be made one-way: no move costs 4 times as much as the move back"
-    many = len(found.closings)
-    text = f"{many:,} streets one-way, {len(found.two_way):,} stay two-way because robots need them"
-    if found.reopened:
-        text += f", {len(found.reopened):,} because they do better so"
-    change = change_text(found.change)
-    if found.is_kept:
-        return f"{text}: {change} against weights alone"
-    return f"weights alone stay: {text} would cost up to 1 % or more ({change})"
+    text = f"one-way streets: {len(found.closings):,}, {change_text(found.change)} against weights alone"
+    if not found.is_kept:
+        return f"weights alone stay, because one-way streets may cost 1 % or more; {text}"
+    left = f"{len(found.two_way):,} that robots need both ways"
+    return f"{text}; two-way: {left}, {len(found.reopened):,} that do better so"
 
 
 def fewer_words(found: FewerStreets) -> str:
     """Which streets were left out, and what that changes."""
     if not found.removed:
         return "every street has an effect"
-    number = len(found.removed)
+    streets = count(len(found.removed), "street")
     change = "" if found.change is None else f" ({change_text(found.change)})"
     if found.is_kept:
-        return f"{number:,} streets without an effect are left out{change}"
-    return f"{number:,} streets have no effect alone, but stay: together they matter{change}"
+        return f"left out: {streets} without an effect{change}"
+    return f"{streets} without an effect alone stay, because together they have one{change}"

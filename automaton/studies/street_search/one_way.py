@@ -49,9 +49,9 @@ class NeededWays:
         self.floor_plan = floor_plan
         rows = {(one.closed, one.rail): one for one in rows_of(resolved.fleet.types, True)}
         self.types: tuple[RobotType, ...] = tuple(rows.values())
-        self.needed: Mask = np.zeros(floor_plan.kind.size, np.bool_)
-        self.needed[places_of(scenario, floor_plan)] = True
-        self.needed |= np.logical_or.reduce(resolved.fleet.within)
+        needed: Mask = np.logical_or.reduce(resolved.fleet.within, axis=0)
+        needed[places_of(scenario, floor_plan)] = True
+        self.needed = needed
         self.queues = np.zeros((floor_plan.kind.size, 4), np.bool_)  # moves in station queues
         for station in scenario.stations.values():
             cells = [floor_plan.cell(*station.at)]

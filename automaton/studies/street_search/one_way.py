@@ -77,7 +77,7 @@ class NeededWays:
             left[cell] = False
             for axis in (0, 1) if self.types[number].rail else (0,):
                 cells = self.cells_on_ways(floor_plan, number, cell, axis)
-                covered = cells[:2].any(axis=0) & cells[2:].any(axis=0)
+                covered: Mask = np.logical_and(cells[:2].any(axis=0), cells[2:].any(axis=0))
                 covered[floor_plan.stations] &= not self.types[number].rail
                 left &= ~covered
                 self.ways.append((number, cell, axis, cells))

@@ -149,10 +149,10 @@ def bridges(floor_plan: FloorPlan) -> Mask:
     return marks
 
 
-# Closing.
+# ClosedDirection.
 
 
-class Closing(NamedTuple):
+class ClosedDirection(NamedTuple):
     """A direction of a stretch that may be closed."""
 
     stretch: Stretch
@@ -165,9 +165,9 @@ class OneWay(NamedTuple):
     """A design with one-way streets, and whether it is good enough."""
 
     design: StreetDesign  # one-way if `is_kept`, else as it was
-    closings: tuple[Closing, ...]  # of the one-way design
-    reopened: tuple[Closing, ...]  # better open
-    two_way: tuple[Closing, ...]  # would cut off ways that robots need
+    closings: tuple[ClosedDirection, ...]  # of the one-way design
+    reopened: tuple[ClosedDirection, ...]  # better open
+    two_way: tuple[ClosedDirection, ...]  # would cut off ways that robots need
     change: Effect | None  # of the metric against the design as it was; None: nothing to compare
     is_kept: bool
 
@@ -188,7 +188,7 @@ def flow_of(resolved: Resolved, seeds: Sequence[int]) -> NDArray[np.float64]:
 
 def closing_candidates(
     design: StreetDesign, floor_plan: FloorPlan, flow: NDArray[np.float64]
-) -> list[Closing]:
+) -> list[ClosedDirection]:
     """Directions that cost at least CLOSING_RATIO times the opposite, by ratio times traffic.
 
     `flow`: (cells, 4) moves in a run.
@@ -205,13 +205,15 @@ def closing_candidates(
             continue
         cells, direction = (end, stretch.along ^ 2) if ratio > 1 else (begin, stretch.along)
         traffic = flow[begin, stretch.along].sum() + flow[end, stretch.along ^ 2].sum()
-        candidates.append(Closing(stretch, cells, direction, max(ratio, 1 / ratio) * traffic))
+        candidates.append(
+            ClosedDirection(stretch, cells, direction, max(ratio, 1 / ratio) * traffic)
+        )
     return sorted(candidates, key=lambda one: -one.weight)
 
 
 def closed_where_possible(
-    design: StreetDesign, ways: NeededWays, candidates: Sequence[Closing]
-) -> tuple[list[Closing], list[Closing]]:
+    design: StreetDesign, ways: NeededWays, candidates: Sequence[ClosedDirection]
+) -> tuple[list[ClosedDirection], list[ClosedDirection]]:
     """The candidates that can be closed together, without their bridges; and the others."""
     closed, possible, two_way = design.closed.copy(), [], []
     is_bridge = bridges(with_closed(ways.floor_plan, closed))
@@ -227,7 +229,7 @@ def closed_where_possible(
     return possible, two_way
 
 
-def with_closings(design: StreetDesign, closings: Sequence[Closing]) -> StreetDesign:
+def with_closings(design: StreetDesign, closings: Sequence[ClosedDirection]) -> StreetDesign:
     """The design with some further moves closed."""
     closed = design.closed.copy()
     for one in closings:

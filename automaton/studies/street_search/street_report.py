@@ -130,23 +130,24 @@ def summary(ranked: Sequence[Reason], metric: str, total: float | None) -> Itera
         yield f"{text}; all streets together gain {100 * total:+.1f} %"
 
 
-def one_way_words(found: OneWay) -> str:
+def one_way_words(result: OneWay) -> str:
     """What was closed, and what it costs."""
-    if found.change is None:
+    if result.change is None:
         return "no street can be made one-way: no move costs 4 times as much as the move back"
-    text = f"one-way streets: {len(found.closings):,}, {change_text(found.change)} against weights alone"
-    if not found.is_kept:
+    change = f"{change_text(result.change)} against weights alone"
+    text = f"one-way streets: {len(result.closings):,}, {change}"
+    if not result.is_kept:
         return f"weights alone stay, because one-way streets may cost 1 % or more; {text}"
-    left = f"{len(found.two_way):,} that robots need both ways"
-    return f"{text}; two-way: {left}, {len(found.reopened):,} that do better so"
+    left = f"{len(result.two_way):,} that robots need both ways"
+    return f"{text}; two-way: {left}, {len(result.reopened):,} that do better so"
 
 
-def fewer_words(found: FewerStreets) -> str:
+def fewer_words(result: FewerStreets) -> str:
     """Which streets were left out, and what that changes."""
-    if not found.removed:
+    if not result.removed:
         return "every street has an effect"
-    streets = count(len(found.removed), "street")
-    change = "" if found.change is None else f" ({change_text(found.change)})"
-    if found.is_kept:
+    streets = count(len(result.removed), "street")
+    change = "" if result.change is None else f" ({change_text(result.change)})"
+    if result.is_kept:
         return f"left out: {streets} without an effect{change}"
     return f"{streets} without an effect alone stay, because together they have one{change}"

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from automaton.floor.floor_plan import DIRECTIONS, FloorPlan
+from automaton.studies.process_pool import run_all
 from automaton.studies.street_search.designs import StreetDesign
+from automaton.studies.street_search.one_way import with_closed
 from automaton.studies.street_search.reasons import ComparedRuns
 from automaton.world.resolve import Resolved, resolve
 
@@ -71,3 +74,21 @@ def moves_in(design: StreetDesign, floor_plan: FloorPlan, at: tuple[int, int]) -
     cell = floor_plan.cell(*at)
     exits = int(floor_plan.exits.flat[cell])
     return tuple(bool(exits >> d & 1) and not design.closed[cell, d] for d in range(4))
+
+
+def with_design(resolved: Resolved, design: StreetDesign) -> Resolved:
+    """The scenario with a design."""
+    floor_plan = with_closed(resolved.floor_plan, design.closed)
+    return replace(resolved, floor_plan=floor_plan.with_weights(design.moves, design.waits))
+
+
+def runs_of(resolved: Resolved) -> ComparedRuns:
+    """Runs of a scenario, compared by throughput."""
+
+    def runs(
+        designs: Sequence[StreetDesign], seeds: Sequence[int], robots: int | None = None
+    ) -> list[list[dict[str, Any]]]:
+        scenarios = [with_design(resolved, design) for design in designs]
+        return [[run.metrics for run in some] for some in run_all(scenarios, seeds, 1)]
+
+    return ComparedRuns(runs, "throughput", True)

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from street_designs import design_of, planted, resolved_on
+from street_designs import design_of, planted, resolved_on, runs_of
 
 from automaton.floor.drawn_floors import draw_floor
 from automaton.floor.floor_plan import EAST, NORTH, WEST, FloorPlan
@@ -163,6 +163,27 @@ def test_several_fleets_count_equally() -> None:
     [one] = reasons(design, floor_plan, ComparedRuns(runs, "throughput", True, (10, 100)), SEEDS)
     without = (1 / 1.1 + 1 / 1.2) / 2
     assert one.gain == pytest.approx(1 / without - 1)
+
+
+def test_in_runs_a_street_on_which_no_robot_drives_changes_nothing() -> None:
+    """Robots that go round a ring one way do not meet head-on; no robot gets to row 4."""
+    resolved = resolved_on(
+        "t....t\n.####.\nt....t\n######\n......",
+        fleet={
+            "robots": 8,
+            "kinematics": "omni",
+            "start": [[x, y] for x in range(1, 5) for y in (0, 2)],
+        },
+        orders={"generator": "stations", "count": 5000},
+        strategy={"allocation": "greedy", "right_of_way": "pibt"},
+        stop={"when": "never", "max_duration": 300},
+    )
+    ring = ("row", 0, "west", 3), ("row", 2, "east", 3), ("row", 4, "west", 3)
+    design, plan = design_of(resolved.floor_plan, *ring), resolved.floor_plan
+    first, *others = reasons(design, plan, runs_of(resolved), range(4))
+    assert first.gain > 0.02
+    [useless] = [one for one in others if one.street.name(plan) == "row 4"]
+    assert useless.gain == 0 and useless.may_go
 
 
 # Fewer streets.

@@ -45,6 +45,7 @@ class NeededWays:
     """
 
     def __init__(self, resolved: Resolved) -> None:
+        """`resolved`: the scenario with its design, so that moves that it closes are not needed."""
         scenario, floor_plan = resolved.scenario, resolved.floor_plan
         self.floor_plan = floor_plan
         rows = {(one.closed, one.rail): one for one in rows_of(resolved.fleet.types, True)}

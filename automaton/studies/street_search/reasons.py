@@ -19,6 +19,7 @@ from automaton.floor.floor_plan import DIRECTIONS, EAST, FloorPlan
 from automaton.studies.inference.intervals import Effect, Interval, Values, bonferroni, effect
 from automaton.studies.reports.comparison_tables import relative_text
 from automaton.studies.street_search.designs import (
+    Row,
     StreetDesign,
     StreetRuns,
     Stretch,
@@ -59,14 +60,18 @@ class ComparedRuns(NamedTuple):
         values = np.zeros((1 + len(designs), len(seeds)))
         for robots in self.fleets:
             rows = self.runs([base, *designs], seeds, robots)
-            some = [[row.get(self.metric) for row in each] for each in rows]
-            table = np.array(some, np.float64)  # None becomes nan
+            known = [[self.value(row) for row in each] for each in rows]
+            table = np.array(known, np.float64)  # None becomes nan
             if len(self.fleets) > 1:
                 table /= len(self.fleets) * np.nanmean(table[0])
             values += table
-        known = np.isfinite(values)
-        both = known[1:] & known[0]
+        both = np.isfinite(values[1:]) & np.isfinite(values[0])
         return [(one[b], values[0][b]) for one, b in zip(values[1:], both, strict=True)]
+
+    def value(self, row: Row) -> float | None:
+        """The metric of a run that finished."""
+        value: float | None = row.get(self.metric) if row.get("finished", True) else None
+        return value
 
     def effects(
         self,

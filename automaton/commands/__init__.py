@@ -63,6 +63,10 @@ COMMANDS_BY_SUBJECT = {  # {name: (module with add_arguments(parser) and run(arg
             "automaton.commands.bottlenecks_command",
             "rank single changes of a scenario by their effect",
         ),
+        "streets": (
+            "automaton.commands.streets_command",
+            "search weights of streets that guide the traffic",
+        ),
         "tune": ("automaton.commands.tune", "find the best strategies for a scenario"),
     },
     "studies": {

@@ -272,17 +272,21 @@ def street_table(
     waits: NDArray[np.float64],
     at: Sequence[tuple[int, int]],
     file: str,
+    closed: NDArray[np.bool_] | None = None,
 ) -> str:
     """A file of streets with a line for each cell that has weights other than 1; "" for none.
 
-    `names`: the directions of the columns of `moves`; `at`: the cells; `file`: the origin of the weights.
-    Raises InputError for a weight that is out of range.
+    `names`: the directions of the columns of `moves` and `closed`; `at`: the cells; `file`: the origin of
+    the weights. Raises InputError for a weight that is out of range.
     """
     _check_range(moves, LEAST_WEIGHT, names, at, file)
     _check_range(waits[:, None], 0.0, ["wait"], at, file)
     rows: list[tuple[Any, ...]] = []
-    for cell, of_moves, wait in zip(at, moves.tolist(), waits.tolist(), strict=True):
-        fields = {**dict(zip(names, map(_field, of_moves), strict=True)), "wait": _field(wait)}
+    texts = [list(map(_field, of_cell)) for of_cell in moves.tolist()]
+    for cell, direction in () if closed is None else np.argwhere(closed).tolist():
+        texts[cell][direction] = CLOSED_MOVE
+    for cell, of_moves, wait in zip(at, texts, waits.tolist(), strict=True):
+        fields = {**dict(zip(names, of_moves, strict=True)), "wait": _field(wait)}
         if any(fields.values()):
             rows.append((*cell, *(fields[name] for name in STREET_COLUMNS[2:])))
     out = io.StringIO()

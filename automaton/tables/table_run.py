@@ -231,7 +231,7 @@ def scenario_lines(simulation: Simulation) -> Iterator[str]:
     used = ", ".join(f"{name} {version}" for name, version in versions().items())
     yield f"# The scenario of the run, with {used}.\n"
     keys = {f"  {_key_of(orders, name)}: []": entries for name, entries in lists.items()}
-    text = yaml.dump(data, Dumper=_Dumper, sort_keys=False, allow_unicode=True, width=WIDTH)
+    text = yaml.dump(data, Dumper=ScenarioDumper, sort_keys=False, allow_unicode=True, width=WIDTH)
     for line in text.splitlines():
         if line not in keys:
             yield line + "\n"
@@ -274,7 +274,7 @@ def _layout(simulation: Simulation) -> dict[str, Any]:
     return {"picture": drawing.picture + "\n", "legend": legend, **others}
 
 
-class _Dumper(yaml.SafeDumper):
+class ScenarioDumper(yaml.SafeDumper):
     """A YAML dumper that writes texts of several lines as blocks."""
 
 
@@ -283,4 +283,4 @@ def _text(dumper: yaml.SafeDumper, text: str) -> yaml.ScalarNode:
     return dumper.represent_scalar("tag:yaml.org,2002:str", text, style)
 
 
-_Dumper.add_representer(str, _text)
+ScenarioDumper.add_representer(str, _text)

@@ -142,6 +142,11 @@ class Store:
             chosen = chosen.set_column(at, field, pa.array(values, field.type))
         return chosen.sort_by([("point", "ascending"), ("replication", "ascending")])
 
+    def every_row(self) -> Iterator[Row]:
+        """The rows of all valid files by column, of whatever study and code."""
+        for _, table in self._tables(None):
+            yield from table.to_pylist()
+
     def keys(self, with_failed: bool = True) -> set[str]:
         """The keys of the runs that are done; `with_failed`: including failed runs."""
         done, failed = self._done_and_failed()

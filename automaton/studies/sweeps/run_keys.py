@@ -133,12 +133,16 @@ class Manifest(msgspec.Struct, frozen=True):
         planned = self.points[point]
         salt = "" if self.common_random_numbers else f" {planned.fingerprint}"
         seed = seed_of(f"{self.seed} {replication}{salt}")
-        key = digest(f"{version} {planned.fingerprint} {seed}")[:32]
-        return SweepRun(key, point, replication, seed)
+        return SweepRun(run_key(version, planned.fingerprint, seed), point, replication, seed)
 
     def keys(self) -> set[str]:
         """The keys of all runs."""
         return {run.key for run in self.runs()}
+
+
+def run_key(version: str, fingerprint: str, seed: int) -> str:
+    """The key of a run by the code, its scenario and its seed, 32 hex digits."""
+    return digest(f"{version} {fingerprint} {seed}")[:32]
 
 
 def seed_of(text: str) -> int:

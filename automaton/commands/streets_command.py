@@ -1,0 +1,575 @@
+"""Search weights of streets that raise the throughput of a scenario, and test them with fresh seeds.
+
+Exit code 0: the streets are better; 1: no gain that holds; 2: bad input; 130: stopped by Ctrl-C; 143: by
+SIGTERM. The same command resumes a search that was stopped.
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+import os
+import re
+import shlex
+from collections.abc import Callable, Iterator
+from functools import cache
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import yaml
+
+from automaton.atomic_write import atomic_writer
+from automaton.commands.arguments import (
+    HTML,
+    TEXT,
+    add_json_argument,
+    add_scenario_arguments,
+    add_timeout_argument,
+    add_workers_argument,
+    note,
+    print_document,
+    print_json,
+    rendered,
+    settings_of,
+    whole,
+)
+from automaton.commands.sweep_command import crew_of, duration, forecast_of, progress
+from automaton.commands.what_if_command import levels_of, study_keys
+from automaton.documents.report_document import (
+    Block,
+    Curves,
+    Heading,
+    Listed,
+    ReportCurve,
+    ReportDocument,
+    Table,
+    Text,
+)
+from automaton.errors import InputError
+from automaton.floor.floor_plan import DIRECTIONS
+from automaton.scenario.document import Document, Override
+from automaton.scenario.reading import document_of as scenario_document
+from automaton.scenario.street_files import street_table
+from automaton.scenario.streets import UNIT, streets_on
+from automaton.studies.reports.comparison_tables import relative_text
+from automaton.studies.reports.comparisons import direction_of
+from automaton.studies.reports.study_results import described
+from automaton.studies.street_search import evolution, verdict
+from automaton.studies.street_search.designs import StreetDesign
+from automaton.studies.street_search.evolution import SearchQuestion
+from automaton.studies.sweeps.run_keys import fingerprint
+from automaton.studies.sweeps.sweep_plan import SweepPlan, files_at, make_sweep_plan, texts_of
+from automaton.tables.table_run import ScenarioDumper
+from automaton.units import count
+from automaton.world.resolve import Resolved, resolve
+from automaton.world.scenario_warnings import street_warnings
+
+STREETS_FILE = "streets.csv"
+REPORTS = (("report.txt", TEXT), ("report.html", HTML))
+MAX_RUNS = 10_000_000
+NO_STREETS = Override("streets=null", ("streets",), None)
+
+
+class Asked(NamedTuple):
+    """The scenario and what is asked about it."""
+
+    question: SearchQuestion
+    resolved: Resolved  # as it is, in its own ticks
+    base: Callable[[int | None], Resolved]  # it without streets, with a number of robots
+    as_it_is: StreetDesign
+    plan: SweepPlan  # of the scenario as it is
+
+
+class Found(NamedTuple):
+    """The results of a search."""
+
+    search: evolution.SearchResult
+    choice: verdict.ChosenDesign
+    fleets: list[verdict.FleetVerdict]  # () if the scenario as it is was chosen
+    refused: list[str]  # fleets that the scenario cannot have, with the reason
+    failed: int  # runs
+
+    @property
+    def chosen(self) -> evolution.NamedDesign:
+        """The design that was chosen."""
+        return self.search.finalists[self.choice.place]
+
+    def holds(self, question: SearchQuestion) -> bool:
+        """Whether the design is better with each fleet for which it was searched."""
+        own = [one for one in self.fleets if one.is_asked]
+        return bool(own) and all(one.is_gain(question.is_higher_better) for one in own)
+
+
+def fleets_type(text: str) -> tuple[int, ...]:
+    """The type of an argument that lists numbers of robots."""
+    read = whole("a number of robots", 2, 1_000_000)
+    return tuple(dict.fromkeys(read(part.strip()) for part in text.split(",")))
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """The arguments of `automaton streets`."""
+    add_scenario_arguments(parser)
+    add = parser.add_argument
+    text = "write streets.csv, the scenario with them, the report and all runs into this folder"
+    add("--out", type=Path, metavar="DIR", required=True, help=text)
+    text = "search with N runs (default: 5000); the choice and the test of the result come on top"
+    add("--runs", type=whole("a number of runs", 1, MAX_RUNS), default=5000, metavar="N", help=text)
+    add(
+        "--detail",
+        choices=evolution.DETAILS,
+        default=evolution.STRETCHES,
+        help="weights for whole rows and columns, or after them for each stretch between obstacles "
+        "(default: stretches)",
+    )
+    text = "make this metric better (default: throughput; makespan, if runs end by themselves)"
+    add("--metric", metavar="NAME", help=text)
+    better = parser.add_mutually_exclusive_group()
+    for name, word in (("--minimise", "low"), ("--maximise", "high")):
+        text = f"{word} values of the metric are better (default: as usual for the metric)"
+        better.add_argument(name, action="store_true", help=text)
+    text = "search for the mean of these numbers of robots, such as 300,400"
+    add("--robots", type=fleets_type, metavar="N,M", help=text)
+    add_workers_argument(parser, 1024)
+    text = "run on a Dask cluster: an address, such as tcp://host:8786, or the scheduler file"
+    add("--scheduler", metavar="ADDRESS", help=text)
+    add("--dry-run", action="store_true", help="estimate the time from a pilot run")
+    text = "search again where the folder has results of other code or another search"
+    add("--recompute", action="store_true", help=text)
+    add_timeout_argument(parser)
+    add_json_argument(parser)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Search, choose, test, write."""
+    if args.workers is not None and args.scheduler is not None:
+        raise InputError("--workers sets local processes; leave it out with --scheduler")
+    evolution.optimizer_type()
+    args.refine = args.decide = None
+    asked = asked_of(args)
+    if args.dry_run:
+        return dry_run(args, asked)
+    if args.out.exists() and not args.out.is_dir():
+        raise InputError("is not a folder", str(args.out))
+    found = searched(args, asked)
+    chosen = found.chosen.design
+    if found.choice.place:
+        write_streets(args, asked, chosen)
+    document = document_of(found, asked, args)
+    for name, form in REPORTS:
+        with atomic_writer(args.out / name) as file:
+            file.write(rendered(form, lambda: document, dict).encode())
+    if args.json:
+        print_json(as_json(found, asked, args))
+    else:
+        print_document(document)
+    if found.failed:
+        note(f"{count(found.failed, 'run')} failed; the column error of the rows says why")
+    return 0 if found.holds(asked.question) else 1
+
+
+def asked_of(args: argparse.Namespace) -> Asked:
+    """The question of the arguments. Raises InputError."""
+    settings = settings_of(args)
+    resolved = resolve(args.scenario, settings, args.seed).unrefined
+    scenario = resolved.scenario
+    if not args.robots and scenario.fleet.robots < 2:
+        raise InputError("streets need at least two robots, which get out of each other's way",
+                         args.scenario)  # fmt: skip
+    if scenario.orders.listed == ():
+        raise InputError(
+            "the scenario has no orders, so there is no traffic to guide", args.scenario
+        )
+    kept = Override("right of way", ("strategy", "right_of_way"), scenario.strategy.right_of_way)
+
+    @cache
+    def base(robots: int | None) -> Resolved:
+        more = (
+            () if robots is None else (Override(f"--robots {robots}", ("fleet", "robots"), robots),)
+        )
+        return resolve(args.scenario, (*settings, NO_STREETS, kept, *more), args.seed).unrefined
+
+    floor_plan = base(None).floor_plan
+    weights = streets_on(floor_plan, scenario.streets)
+    as_it_is = StreetDesign(weights.moves, weights.waits, weights.closed)
+    check_reads_weights(args, base(None), evolution.crisscross(floor_plan, (0, 0), as_it_is))
+    question, plan = question_of(args, resolved)
+    stages_of(question)  # refuses too few runs
+    for robots in question.robots:
+        base(robots)
+    return Asked(question, resolved, base, as_it_is, plan)
+
+
+def check_reads_weights(args: argparse.Namespace, resolved: Resolved, design: StreetDesign) -> None:
+    """Raise InputError if no strategy of the scenario reads weights of moves."""
+    from automaton.studies.street_search.design_runs import with_design
+
+    for warning in street_warnings(with_design(resolved, design)):
+        if "may not read them" in warning:
+            raise InputError(f"no weights can help: {warning}", args.scenario)
+
+
+def question_of(args: argparse.Namespace, resolved: Resolved) -> tuple[SearchQuestion, SweepPlan]:
+    """The question, and the plan of the scenario as it is. Raises InputError for an unfit metric."""
+    scenario = resolved.scenario
+    ends = scenario.stop.when != "never" and not scenario.ends_at_limit
+    metric = args.metric or ("makespan" if ends else "throughput")
+    better = direction_of(metric)
+    keys = study_keys(args.scenario, "streets", scenario, levels_of(settings_of(args)))
+    keys |= {"points": [{"name": evolution.AS_IT_IS}], "replications": 1}
+    keys |= {"analysis": {"metrics": [metric]}}
+    try:
+        plan = make_sweep_plan(Document(keys))
+        if better is None and not (args.minimise or args.maximise):
+            raise InputError("neither direction is better: add --minimise or --maximise")
+    except InputError as error:
+        raise error.at(f"--metric {metric}") from None
+    is_higher_better = args.maximise or (better == "highest" and not args.minimise)
+    robots = args.robots or (None,)
+    question = SearchQuestion(
+        metric, is_higher_better, robots, scenario.seed, args.runs, args.detail
+    )
+    return question, plan
+
+
+def stages_of(question: SearchQuestion) -> list[tuple[str, int, int]]:
+    """Name, generations and population of each stage."""
+    first, later = question.generations
+    stages = [(evolution.ROWS, first, evolution.FIRST_POPULATION)]
+    return stages + ([(evolution.STRETCHES, later, evolution.POPULATION)] if later else [])
+
+
+def finalist_number(question: SearchQuestion) -> int:
+    """The number of finalists."""
+    lasts = {end for end in np.cumsum([number for _, number, _ in stages_of(question)]).tolist()}
+    every = range(evolution.FINALIST_EVERY, max(lasts) + 1, evolution.FINALIST_EVERY)
+    return len(evolution.start_phases()) + len(lasts | set(every))
+
+
+def planned_runs(question: SearchQuestion) -> int:
+    """The runs of search, choice and verdict."""
+    fleets = len(question.robots)
+    made = fleets * evolution.START_RUNS * len(evolution.start_phases())
+    made += fleets * sum(number * population for _, number, population in stages_of(question))
+    made += fleets * verdict.choice_runs(finalist_number(question))
+    return made + 2 * verdict.HELD_OUT_PAIRS * (len(verdict.SHARES) - 1 + fleets)
+
+
+def dry_run(args: argparse.Namespace, asked: Asked) -> int:
+    """Print the runs of each part, the cores that they can use, and the time."""
+    if args.scheduler is not None:
+        raise InputError("--dry-run estimates for local processes; leave --scheduler out")
+    question, known = asked.question, forecast_of(args, asked.plan, None)
+    fleets, stages = len(question.robots), stages_of(asked.question)
+    in_turns = sum(
+        fleets * number * math.ceil(population / known.workers) for _, number, population in stages
+    )
+    total = planned_runs(question)
+    rest = total - fleets * sum(number * population for _, number, population in stages)
+    seconds = known.start_s + known.run_s * (in_turns + rest / known.workers)
+    most = max(population for *_, population in stages)
+    parts = " and ".join(f"{number} x {population} ({name})" for name, number, population in stages)
+    lines = [
+        f"search: {question.runs:,} runs at most: {len(evolution.start_phases())} start designs x "
+        f"{evolution.START_RUNS}, generations {parts}"
+        + (f", each with {fleets} fleets" if fleets > 1 else ""),
+        f"choice and test: {rest:,} runs, the start designs included",
+        f"time: about {duration(seconds)} with {count(known.workers, 'worker')} "
+        f"({1e3 * known.run_s:,.0f} ms a run, by {count(known.pilots, 'pilot run')}; distance tables of "
+        "each design come on top)",
+        f"a generation ends before the next begins, so the search uses at most {most} cores",
+    ]
+    data = {"runs": total, "wall_s": seconds, "workers": known.workers, "most_workers": most}
+    if args.json:
+        print_json({"scenario": args.scenario, **data})
+    else:
+        print_document(ReportDocument(asked.resolved.scenario.name, [Listed(lines, mark="")]))
+    return 0
+
+
+# The search, the choice and the verdict.
+
+
+def searched(args: argparse.Namespace, asked: Asked) -> Found:
+    """Search, choose and test, with progress on stderr. Raises InputError."""
+    from automaton.studies.street_search.design_runs import design_runs
+
+    question = asked.question
+    floor_plan = asked.base(None).floor_plan
+    with progress(args.out) as listener:
+        begun = design_runs(
+            args.out,
+            asked.plan,
+            asked.base,
+            lambda: crew_of(args),
+            args.recompute,
+            lambda start: listener.begin(start._replace(runs=planned_runs(question))),
+            listener.rows,
+            args.strategy_timeout,
+        )
+        with begun as runs:
+            log = evolution.CandidateLog(
+                args.out, searched_for(asked, runs.version), args.recompute
+            )
+            if log.damaged_from is not None:
+                note(
+                    f"{log.path} is damaged; the search goes on from generation {log.damaged_from}"
+                )
+            search = evolution.Search(question, floor_plan, asked.as_it_is, runs, log).run()
+            choice = verdict.choose(question, search.finalists, runs)
+            fleets, refused = [], []
+            if choice.place:
+                fleets, refused = judged(asked, search.finalists[choice.place].design, runs)
+            failed = sum(row["error"] is not None for row in runs.rows.values())
+    return Found(search, choice, fleets, refused, failed)
+
+
+def searched_for(asked: Asked, version: str) -> dict[str, Any]:
+    """What determines the candidates of a search."""
+    question = asked.question
+    return {
+        "scenario": fingerprint(asked.resolved),
+        "code": version,
+        "seed": question.seed,
+        "--runs": question.runs,
+        "--detail": question.detail,
+        "--metric": question.metric,
+        "better": "highest" if question.is_higher_better else "lowest",
+        "--robots": list(question.robots),
+    }
+
+
+def judged(
+    asked: Asked, design: StreetDesign, runs: Any
+) -> tuple[list[verdict.FleetVerdict], list[str]]:
+    """The verdict for each fleet, and the fleets that the scenario cannot have."""
+    question, own = asked.question, asked.resolved.scenario.fleet.robots
+    wanted = tuple(own if one is None else one for one in question.robots)
+    fleets, refused = [], []
+    for robots in verdict.fleets_of(wanted):
+        try:
+            asked.base(None if robots == own else robots)
+        except InputError as error:
+            refused.append(f"{robots:,} robots: {error.message}")
+            continue
+        fleets.append(verdict.judge(question, asked.as_it_is, design, runs, robots, robots == own))
+    return fleets, refused
+
+
+# Results in the folder.
+
+
+def write_streets(args: argparse.Namespace, asked: Asked, design: StreetDesign) -> None:
+    """Write the file of streets, and the scenario with it."""
+    floor_plan = asked.base(None).floor_plan
+    cells = np.flatnonzero(floor_plan.drivable).tolist()
+    text = street_table(
+        DIRECTIONS,
+        design.moves[cells] / UNIT,
+        design.waits[cells] / UNIT,
+        [floor_plan.xy(cell) for cell in cells],
+        STREETS_FILE,
+        design.closed[cells],
+    )
+    with atomic_writer(args.out / STREETS_FILE) as file:
+        file.write(text.encode())
+    with atomic_writer(scenario_path(args, asked)) as file:
+        file.write(scenario_text(args).encode())
+
+
+def scenario_path(args: argparse.Namespace, asked: Asked) -> Path:
+    """The file of the scenario with the streets."""
+    name = re.sub(r"[^\w.-]+", "-", asked.resolved.scenario.name).strip("-.") or "scenario"
+    out: Path = args.out
+    return out / f"{name}-streets.yaml"
+
+
+def scenario_text(args: argparse.Namespace) -> str:
+    """The scenario with the file of streets, as YAML; its own files are named from the folder."""
+    seeded = () if args.seed is None else (Override(f"--seed {args.seed}", ("seed",), args.seed),)
+    document = scenario_document(args.scenario, (*settings_of(args), *seeded))
+    data = {**document.data, "streets": {"file": STREETS_FILE}}
+    names = {
+        text: os.path.relpath(found[0].parent / os.path.basename(text), args.out)
+        for text in texts_of({key: value for key, value in data.items() if key != "streets"})
+        if not os.path.isabs(text) and (found := files_at(text, [document.folder]))
+    }
+    return yaml.dump(
+        renamed(data, names), Dumper=ScenarioDumper, sort_keys=False, allow_unicode=True
+    )
+
+
+def renamed(data: Any, names: dict[str, str]) -> Any:
+    """Data with other names of files."""
+    if isinstance(data, dict):
+        return {key: renamed(value, names) for key, value in data.items()}
+    if isinstance(data, list | tuple):
+        return [renamed(value, names) for value in data]
+    return names.get(data, data) if isinstance(data, str) else data
+
+
+# The report.
+
+
+def document_of(found: Found, asked: Asked, args: argparse.Namespace) -> ReportDocument:
+    """Question, answer, fleets, search, and the command that repeats it."""
+    name, question = asked.resolved.scenario.name, asked.question
+    document = ReportDocument(name, [Heading(f"{name}: streets", 1)])
+    direction = "highest" if question.is_higher_better else "lowest"
+    unit, meaning = described(question.metric)
+    generations = count(len(found.search.generations), "generation")
+    text = (
+        f"Which weights of streets give the {direction} {question.metric} ({unit}: {meaning})? "
+        f"{generations} of designs, then {count(len(found.search.finalists), 'finalist')} in "
+        f"{count(found.choice.rounds, 'round')} with {found.choice.runs:,} runs, then "
+        f"{verdict.HELD_OUT_PAIRS} pairs of runs for each fleet, with seeds that search and choice "
+        "did not use."
+    )
+    document.add(Heading("Question"), Text(text), Heading("Answer"))
+    document.add(Listed(list(answer(found, asked)), strong=True))
+    if found.fleets:
+        document.add(*fleet_blocks(found, question))
+    document.add(Heading("Search"), *search_blocks(found, question))
+    document.add(Heading("Files"), Listed(list(files(found, asked, args)), mark=""))
+    return document
+
+
+def answer(found: Found, asked: Asked) -> Iterator[str]:
+    """The gain in a sentence for each fleet that was asked for."""
+    question = asked.question
+    if not found.choice.place:
+        yield "No gain that holds: no design was better than the scenario as it is in the choice."
+        return
+    for one in found.fleets:
+        if not one.is_asked:
+            continue
+        share = None if one.gain is None else one.gain.relative
+        verb = "With these streets" if one.is_gain(question.is_higher_better) else \
+            "No gain that holds: with these streets"  # fmt: skip
+        before, after = (f"{mean:,.5g}" for mean in one.means)
+        yield (
+            f"{verb} {question.metric} changes by {relative_text(share)} with {one.robots:,} robots: "
+            f"{before} as it is, {after} with them."
+        )
+        if one.warnings:
+            yield f"Worse with {one.robots:,} robots: {'; '.join(one.warnings)}."
+    yield f"The design is '{found.chosen.name}'."
+
+
+def fleet_blocks(found: Found, question: SearchQuestion) -> Iterator[Block]:
+    """The table of fleets, and how to read it."""
+    sides = [
+        name for name in verdict.SIDE_METRICS if any(name in one.beside for one in found.fleets)
+    ]
+    rows = []
+    for one in found.fleets:
+        gain = "too few pairs" if one.gain is None else relative_text(one.gain.relative)
+        cells = [f"{one.robots:,}{' *' if one.is_asked else ''}", *(f"{m:,.5g}" for m in one.means)]
+        beside = [side_text(one, name) for name in sides]
+        rows.append([*cells, gain, *beside])
+    head = ["robots", "as it is", "with streets", f"{question.metric}, 95 %", *sides]
+    yield Table(head, rows, left=0)
+    lines = [f"*: the fleet of the search. {verdict.HELD_OUT_PAIRS} pairs for each fleet."]
+    lines += [
+        f"{one.robots:,} robots: {count(one.pairs, 'pair')}; without {question.metric} or unfinished: "
+        f"{one.unfinished[0]:,} runs as it is, {one.unfinished[1]:,} with streets."
+        for one in found.fleets
+        if any(one.unfinished)
+    ]
+    lines += [
+        f"{one.robots:,} robots, worse by more than 10 %: {'; '.join(one.warnings)}."
+        for one in found.fleets
+        if one.warnings
+    ]
+    lines += [f"Not possible with {refused}" for refused in found.refused]
+    yield Listed(lines, mark="")
+
+
+def side_text(one: verdict.FleetVerdict, name: str) -> str:
+    """The change of a side metric."""
+    effect = one.beside.get(name)
+    if effect is None:
+        return "-"
+    if effect.relative is None or name == "detour_share":
+        return f"{effect.difference.value:+.3g}"
+    return f"{100 * effect.relative.value:+.1f} %"
+
+
+def search_blocks(found: Found, question: SearchQuestion) -> Iterator[Block]:
+    """The curve of the search."""
+    lines = []
+    for stage, *_ in stages_of(question):
+        of_stage = [
+            one
+            for one in found.search.generations
+            if one.stage == stage and math.isfinite(one.mean)
+        ]
+        means = [one.mean for one in of_stage]
+        x = [float(one.number) for one in of_stage]
+        if x:
+            lines.append(ReportCurve(stage, x, means, means, means))
+    if lines:
+        title = f"{question.metric}: mean of the designs of a generation"
+        yield Curves(title, "generation", described(question.metric)[0], lines)
+    yield Text(
+        "All designs of a generation run with the same seed, each generation has another. These figures "
+        "choose designs; the gain is that of the answer."
+    )
+
+
+def files(found: Found, asked: Asked, args: argparse.Namespace) -> Iterator[str]:
+    """What the folder has, and the command that repeats the search."""
+    if found.choice.place:
+        path = scenario_path(args, asked)
+        yield f"streets: {args.out / STREETS_FILE}; scenario with them: {path}"
+        yield f"watch: automaton watch {shlex.quote(str(path))}"
+    yield f"repeat: {command_of(args)}"
+
+
+def command_of(args: argparse.Namespace) -> str:
+    """The command line of the search."""
+    words = ["automaton", "streets", args.scenario, "--out", str(args.out)]
+    words += ["--runs", str(args.runs), "--detail", args.detail]
+    words += [] if args.seed is None else ["--seed", str(args.seed)]
+    words += [] if args.metric is None else ["--metric", args.metric]
+    words += [f"--{name}" for name in ("minimise", "maximise") if getattr(args, name)]
+    words += ["--robots", ",".join(map(str, args.robots))] if args.robots else []
+    for setting in args.settings:
+        words += ["--set", setting if isinstance(setting, str) else setting.argument]
+    return shlex.join(words)
+
+
+def as_json(found: Found, asked: Asked, args: argparse.Namespace) -> dict[str, Any]:
+    """The results as one object."""
+    question = asked.question
+    fleets = []
+    for one in found.fleets:
+        record: dict[str, Any] = {
+            "robots": one.robots,
+            "asked": one.is_asked,
+            "pairs": one.pairs,
+            "as_it_is": one.means[0],
+            "with_streets": one.means[1],
+            "relative": None,
+            "is_gain": one.is_gain(question.is_higher_better),
+            "worse": one.warnings,
+        }
+        if one.gain is not None and one.gain.relative is not None:
+            share = one.gain.relative
+            record["relative"] = {"value": share.value, "low": share.low, "high": share.high}
+        record["beside"] = {name: side.difference.value for name, side in one.beside.items()}
+        fleets.append(record)
+    return {
+        "scenario": args.scenario,
+        "metric": question.metric,
+        "better": "highest" if question.is_higher_better else "lowest",
+        "seed": question.seed,
+        "out": str(args.out),
+        "design": found.chosen.name,
+        "finalists": [one.name for one in found.search.finalists],
+        "generations": [one._asdict() for one in found.search.generations],
+        "fleets": fleets,
+        "refused": found.refused,
+        "is_gain": found.holds(question),
+        "failed": found.failed,
+    }

@@ -120,6 +120,9 @@ def test_what_became_one_way_and_what_was_left_out_is_said() -> None:
     assert one_way_words(kept._replace(is_kept=False)).startswith("weights alone stay, because")
     assert one_way_words(OneWay(design, (), (), (), None, False)).startswith("no street can be")
     less = FewerStreets(design, (street,), worth.worth, True)
-    assert fewer_words(less) == "left out: 1 street without an effect (-0.2 % (-0.4 to -0.0))"
-    assert fewer_words(less._replace(is_kept=False)).startswith("1 street without an effect alone")
+    change = " (-0.2 % (-0.4 to -0.0))"
+    assert fewer_words(less) == f"streets left out because they have no effect: 1{change}"
+    assert fewer_words(less._replace(is_kept=False)).endswith(
+        f"because together they have one{change}"
+    )
     assert fewer_words(less._replace(removed=())) == "every street has an effect"

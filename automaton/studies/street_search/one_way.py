@@ -175,14 +175,12 @@ class OneWay(NamedTuple):
 
 def flow_of(resolved: Resolved, seeds: Sequence[int]) -> NDArray[np.float64]:
     """(cells, 4) moves in a run out of each cell by direction, the mean over seeds."""
-    from automaton.runs.headless import attribute_strategy_errors
     from automaton.runs.simulation import Simulation
 
     flow = np.zeros((resolved.floor_plan.kind.size, 4))
     for seed in seeds:
-        with attribute_strategy_errors(resolved):
-            simulation = Simulation(resolved, seed, on_observe=Simulation.empty_observation)
-            simulation.run()
+        simulation = Simulation(resolved, seed, on_observe=Simulation.empty_observation)
+        simulation.run()
         flow += simulation.observation.flow
     return flow / len(seeds)
 

@@ -24,7 +24,6 @@ from automaton.studies.street_search.reasons import (
     change_text,
     sum_of_largest,
 )
-from automaton.units import count
 
 SOFT: Final = ("→↓←↑", "eswn")  # by direction; Unicode, ASCII
 CLOSED_BACK: Final = ("▶▼◀▲", ">v<^")
@@ -146,8 +145,10 @@ def fewer_words(result: FewerStreets) -> str:
     """Which streets were left out, and what that changes."""
     if not result.removed:
         return "every street has an effect"
-    streets = count(len(result.removed), "street")
     change = "" if result.change is None else f" ({change_text(result.change)})"
     if result.is_kept:
-        return f"left out: {streets} without an effect{change}"
-    return f"{streets} without an effect alone stay, because together they have one{change}"
+        return f"streets left out because they have no effect: {len(result.removed):,}{change}"
+    return (
+        f"streets without an effect alone: {len(result.removed):,}; they stay, because together they "
+        f"have one{change}"
+    )

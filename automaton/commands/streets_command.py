@@ -47,11 +47,11 @@ from automaton.documents.report_document import (
     Text,
 )
 from automaton.errors import InputError
-from automaton.floor.floor_plan import DIRECTIONS
+from automaton.floor.floor_plan import DIRECTIONS, WEIGHT_UNIT
 from automaton.scenario.document import Document, Override
 from automaton.scenario.reading import document_of as scenario_document
 from automaton.scenario.street_files import street_table
-from automaton.scenario.streets import UNIT, streets_on
+from automaton.scenario.streets import streets_on
 from automaton.studies.reports.comparison_tables import relative_text
 from automaton.studies.reports.comparisons import direction_of
 from automaton.studies.reports.study_results import described
@@ -365,8 +365,8 @@ def write_streets(args: argparse.Namespace, asked: Asked, design: StreetDesign) 
     cells = np.flatnonzero(floor_plan.drivable).tolist()
     text = street_table(
         DIRECTIONS,
-        design.moves[cells] / UNIT,
-        design.waits[cells] / UNIT,
+        design.moves[cells] / WEIGHT_UNIT,
+        design.waits[cells] / WEIGHT_UNIT,
         [floor_plan.xy(cell) for cell in cells],
         STREETS_FILE,
         design.closed[cells],

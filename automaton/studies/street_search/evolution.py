@@ -22,9 +22,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from automaton.errors import InputError
-from automaton.floor.floor_plan import FloorPlan
+from automaton.floor.floor_plan import WEIGHT_UNIT, FloorPlan
 from automaton.scenario.changing_floor import StreetPlan
-from automaton.scenario.streets import UNIT, StreetWeights, streets_on
+from automaton.scenario.streets import StreetWeights, streets_on
 from automaton.studies.street_search.designs import Row, StreetDesign, StreetRuns, stretches
 from automaton.studies.sweeps.run_keys import hashed, seed_of
 
@@ -139,15 +139,15 @@ class Stage:
 
     def design(self, numbers: Numbers) -> StreetDesign:
         """The design of some numbers; the last one is that of waiting."""
-        weights = np.floor(UNIT * np.exp(numbers) + 0.5).astype(np.int32)
-        moves = np.where(self.of_move >= 0, weights[self.of_move], UNIT).astype(np.int32)
+        weights = np.floor(WEIGHT_UNIT * np.exp(numbers) + 0.5).astype(np.int32)
+        moves = np.where(self.of_move >= 0, weights[self.of_move], WEIGHT_UNIT).astype(np.int32)
         waits = np.full(len(self.as_it_is.waits), weights[-1], np.int32)
         return StreetDesign(moves.reshape(-1, 4), waits, self.as_it_is.closed)
 
     def numbers(self, design: StreetDesign) -> Numbers:
         """The mean number of the moves of each group, within the limits."""
-        logs = np.log(np.maximum(design.moves.reshape(-1), 1) / UNIT)
-        wait = np.log(np.maximum(design.waits, 1) / UNIT).mean()
+        logs = np.log(np.maximum(design.moves.reshape(-1), 1) / WEIGHT_UNIT)
+        wait = np.log(np.maximum(design.waits, 1) / WEIGHT_UNIT).mean()
         found = np.array([*(logs[moves].mean() for moves in self.groups), wait])
         return np.clip(found, -LARGEST, LARGEST)
 
@@ -300,7 +300,7 @@ class Search:
                 "no start design finishes all its runs: give them more time or fewer robots"
             )
         best = self.finalists[int(np.argmax(self._over_fleets(values)))].design
-        return best, bool((best.moves == UNIT).all() and (best.waits == UNIT).all())
+        return best, bool((best.moves == WEIGHT_UNIT).all() and (best.waits == WEIGHT_UNIT).all())
 
     def _values(self, designs: Sequence[StreetDesign], seeds: Sequence[int]) -> Numbers:
         """(fleets, designs) the mean value of the runs."""

@@ -15,7 +15,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from automaton.floor.floor_plan import DIRECTIONS, EAST, FloorPlan
+from automaton.floor.floor_plan import DIRECTIONS, EAST, WEIGHT_UNIT, FloorPlan
 from automaton.studies.inference.intervals import Effect, Interval, Values, bonferroni, effect
 from automaton.studies.reports.comparison_tables import relative_text
 from automaton.studies.street_search.designs import (
@@ -31,7 +31,6 @@ SMALL_EFFECT: Final = 0.002  # of the metric: streets below it may be left out
 MOST_CHANGE: Final = 0.005  # of the metric, if such streets are left out together
 MOST_EXPLAINED: Final = 10  # streets for which groups of orders are compared
 LEAST_PAIRS: Final = 5  # of runs that have orders of a group
-UNIT: Final = 100  # weights are in 1 / UNIT
 PARTS: Final = (
     *("north-west", "north", "north-east"),
     *("west", "centre", "east"),
@@ -171,7 +170,7 @@ def preference_of(
     against = design.closed[end, stretch.along ^ 2].any()
     if along != against:
         cheap, is_one_way = stretch.along ^ (2 if along else 0), True
-    elif abs(ratio - 1) < 1 / UNIT**2:
+    elif abs(ratio - 1) < 1 / WEIGHT_UNIT**2:
         return None
     else:
         cheap, is_one_way = stretch.along ^ (0 if ratio > 1 else 2), False
@@ -296,7 +295,7 @@ def fewer(
     removed = tuple(one.street for one in ranked if one.may_go)
     trial = design
     for street in removed:
-        trial = with_weight(trial, street, floor_plan, UNIT)
+        trial = with_weight(trial, street, floor_plan, WEIGHT_UNIT)
     change = compared.effects([trial], design, seeds)[0] if removed else None
     if change is None:
         return FewerStreets(design, removed, None, False)

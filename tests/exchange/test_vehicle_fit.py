@@ -64,8 +64,8 @@ def test_a_file_without_sizes_says_which_cell_a_robot_takes(
     cell = report["cell_m"]
     assert cell < 1
     assert (
-        f"the file has no size of vehicles: a robot takes one cell of {cell:g} m; set --robot to the "
-        "length of a vehicle, such as --robot 1.6m"
+        f"the file does not give the size of vehicles: a robot takes one cell of {cell:g} m; set "
+        "--robot to the length of a vehicle, such as --robot 1.6m"
     ) in report["notes"]
     assert "length" not in scenario["fleet"]
 

@@ -70,8 +70,8 @@ def size_notes(graph: Graph, fit: Fit, options: ImportOptions) -> list[str]:
     cell = f"{float(fit.cell):g} m"
     if length is None and width is None:
         return [
-            f"the file has no size of vehicles: a robot takes one cell of {cell}; set --robot to the "
-            "length of a vehicle, such as --robot 1.6m"
+            f"the file does not give the size of vehicles: a robot takes one cell of {cell}; set "
+            "--robot to the length of a vehicle, such as --robot 1.6m"
         ]
     largest = max(side for side in (length, width) if side is not None)
     if largest <= fit.cell:

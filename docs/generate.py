@@ -524,14 +524,16 @@ def contract_page() -> str:
     return page(
         "What a strategy sees and decides",
         "A strategy is called as `decide(view, batch, decisions, memory, workspace)`. How to write one: "
-        "[your own strategy](../tutorials/your-own-strategy.md). Import everything from "
-        "`automaton.strategy.api`: the class `Strategy`, the names in capitals, declarations of "
-        "states and kernels. `NIL` (-1) means none. `view.robots` and `batch.robot` use storage "
-        "indices of the n robots. All other references to a robot are its identity; "
-        "`view.robots.at_index` maps an identity to an index. The other dimensions are m orders, "
-        "s slots, K types of robots and C cells. A flat cell is `y * view.grid.width + x`, counted with "
-        "the border: cell [0, 0] of a scenario has x = y = 1. Directions are 0 east, 1 south, 2 west, "
-        "3 north.",
+        "[your own strategy](../tutorials/your-own-strategy.md). These conventions hold:\n\n"
+        "* Import everything from `automaton.strategy.api`: the class `Strategy`, the names in capitals, "
+        "declarations of states, and kernels.\n"
+        "* `NIL` (-1) means none.\n"
+        "* `view.robots` and `batch.robot` use storage indices of the n robots. All other references to "
+        "a robot are its identity; `view.robots.at_index` maps an identity to an index.\n"
+        "* The other dimensions are m orders, s slots, K types of robots and C cells.\n"
+        "* A flat cell is `y * view.grid.width + x`, counted with the border: cell [0, 0] of a scenario "
+        "has x = y = 1.\n"
+        "* Directions are 0 east, 1 south, 2 west, 3 north.",
         "## What it is asked\n",
         "The first `batch.count` rows are the robots that the layer must decide about, ordered by "
         "identity. A field of kind `() int64` is a number, which Python and kernels read and write as an "
@@ -764,15 +766,17 @@ def floors_page() -> str:
         "`A` to `Z` mark start cells of robots, on plain floor or on a crossing. Define your "
         "own symbols in `legend`: `x: {kind: floor, capacity: 2, exits: [east, west]}`.\n",
         table(("symbol", "kind", "robots at a time", "exits", "load"), symbols),
-        "Robots do not drive over shelves, destinations, racks and docks, but serve them from "
-        "an adjacent cell. With `world: {access_cell: fixed}` this is the first drivable side "
-        "in the order east, west, south, north to pick, and west, east, north, south to drop. "
-        "With `nearest` it is the adjacent cell nearest to the robot in rows and columns; a "
-        "strategy of your own may choose any. `=` is a passing aisle: one robot each way. "
-        "Floor with a single exit is one-way: robots enter it from behind and from the sides. "
-        "A parking bay opens to one neighbour. If the first column of a picture holds parking "
-        "bays, it is x = -1. A matrix cannot have stations or chargers; draw such floors. In "
-        "pictures of a run, `@` is a cell with several robots.\n",
+        "* Robots do not drive over shelves, destinations, racks and docks, but serve them from an "
+        "adjacent cell. With `world: {access_cell: fixed}` this is the first drivable side in the order "
+        "east, west, south, north to pick, and west, east, north, south to drop. With `nearest` it is "
+        "the adjacent cell nearest to the robot, in rows and columns. A strategy of your own may choose "
+        "any.\n"
+        "* `=` is a passing aisle: one robot each way.\n"
+        "* Floor with a single exit is one-way: robots enter it from behind and from the sides.\n"
+        "* A parking bay opens to one neighbour. If the first column of a picture holds parking bays, it "
+        "is x = -1.\n"
+        "* A matrix cannot have stations or chargers; draw such floors.\n"
+        "* In pictures of a run, `@` is a cell with several robots.\n",
         "## Kinds of cells\n",
         table(("kind", "meaning"), ((code(kind.name), kind.meaning) for kind in CELL_KINDS)),
         "## Drawn floors\n",
@@ -798,15 +802,17 @@ def metrics_page() -> str:
     """Every metric of a run, with its unit and meaning."""
     return page(
         "Metrics",
-        "`run` prints the metrics in this order, `run --json` contains them under `metrics`, "
-        "and each is a column in the rows of a sweep. A metric that a run did not measure is "
-        "absent, not 0. Robot ticks are summed over all robots. A tick of a robot is active "
-        "if the robot moves, turns, picks up, drops, stands at a stop, charges or waits for a "
-        "charger, or if it loses the tick by a wait, a refused move or a retreat. A tick is "
-        "not active if the robot queues at a station, is held back, waits at a gate, is "
-        "delayed or is down. Metrics that a strategy adds come last. `measure: {warm_up: N}` "
-        "in a scenario adds metrics of the tasks taken after N ticks. With `stop: {when: "
-        "never}`, sweeps and `size` exclude these ticks from all metrics; `run` covers the "
+        "`run` prints the metrics in this order, `run --json` contains them under `metrics`, and each is "
+        "a column in the rows of a sweep.\n\n"
+        "* A metric that a run did not measure is absent, not 0. Metrics that a strategy adds come "
+        "last.\n"
+        "* Robot ticks are summed over all robots.\n"
+        "* A tick of a robot is active if the robot moves, turns, picks up, drops, stands at a stop, "
+        "charges or waits for a charger, or if it loses the tick by a wait, a refused move or a "
+        "retreat. A tick is not active if the robot queues at a station, is held back, waits at a gate, "
+        "is delayed or is down.\n"
+        "* `measure: {warm_up: N}` in a scenario adds metrics of the tasks taken after N ticks. With "
+        "`stop: {when: never}`, sweeps and `size` exclude these ticks from all metrics; `run` covers the "
         "whole run.",
         table(
             ("metric", "unit", "meaning"),

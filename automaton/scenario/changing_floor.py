@@ -394,8 +394,8 @@ class StreetPlan(ConfigSection, frozen=True, kw_only=True):
     file: Annotated[
         NonEmptyText | None,
         Meta(
-            description="A CSV file with the columns x, y, east, south, west, north and wait, or one of "
-            "guidance graphs (GGO); path relative to the scenario."
+            description="A CSV file with the columns x, y, east, south, west, north and wait, or "
+            "a file of guidance graphs (GGO); path relative to the scenario."
         ),
     ] = None
     preset: Annotated[

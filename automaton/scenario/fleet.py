@@ -439,8 +439,8 @@ class Delays(ConfigSection, frozen=True, kw_only=True):
         Literal["bernoulli", "poisson"],
         Meta(
             description="How delays begin. bernoulli: one draw per robot; poisson: the number of "
-            "newly delayed robots is Poisson distributed, with mean probability times the number "
-            "of robots that may be delayed."
+            "newly delayed robots is Poisson distributed; its mean is `probability` times the "
+            "number of robots that may be delayed."
         ),
     ] = "bernoulli"
     distribution: Annotated[

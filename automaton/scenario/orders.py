@@ -226,10 +226,11 @@ class LineDemand(TableOptions, frozen=True, kw_only=True):
     file: Annotated[
         NonEmptyText | None,
         Meta(
-            description="A CSV file with a header line and an order line in each row, separated by "
-            "semicolons, tabs or commas, or a workbook (.xlsx; needs fleet-automaton[excel]); "
-            "path relative to the scenario. A pattern such as days/*.csv names several files: "
-            "the seed of a run selects one, whose times count from midnight of its first day."
+            description="A CSV file with a header line, an order line in each row and columns "
+            "separated by semicolons, tabs or commas, or a workbook (.xlsx; needs "
+            "fleet-automaton[excel]); path relative to the scenario. A pattern such as "
+            "days/*.csv names several files: the seed of a run selects one, whose times count "
+            "from midnight of its first day."
         ),
     ] = None  # type: ignore[assignment]
     columns: Annotated[
@@ -432,12 +433,13 @@ class Orders(ConfigSection, frozen=True, kw_only=True):
         Literal["full-shelves", "picture-loads", "dock-to-rack", "stations", "visits", "tours"]
         | None,
         Meta(
-            description="The generator of orders. full-shelves: every shelf holds a load at the start, "
-            "for a random destination; picture-loads: only shelves drawn as $ hold such a load. "
-            "dock-to-rack: `count` loads wait at random docks, each to be carried to a random rack. "
-            "stations: each load goes from one random station to another. visits: a robot must visit a "
-            "random station. tours: a robot must visit `stops` random cells in sequence; successive "
-            "cells differ, unless `assign` is round-robin."
+            description="The generator of orders. full-shelves: every shelf holds a load at the "
+            "start, to be carried to a random destination; picture-loads: only shelves drawn "
+            "as $ hold such a load. dock-to-rack: `count` loads wait at random docks, each to "
+            "be carried to a random rack. stations: each load goes from one random station to "
+            "another. visits: a robot must visit a random station. tours: a robot must visit "
+            "`stops` random cells in sequence; successive cells differ, unless `assign` is "
+            "round-robin."
         ),
     ] = None
     stops: Annotated[

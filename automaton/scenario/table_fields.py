@@ -137,9 +137,10 @@ class Quarantine(ConfigSection, frozen=True, kw_only=True):
     quarantine: Annotated[
         NonEmptyText,
         Meta(
-            description="A CSV file that `automaton check` writes: the skipped rows unchanged, with "
-            "the reason in an extra first column; path relative to the scenario. If the orders come "
-            "from several files, each has its own file of skipped rows, with its name added."
+            description="A CSV file that `automaton check` writes: the skipped rows unchanged, "
+            "with the reason in an extra first column; path relative to the scenario. If the "
+            "orders come from several files, one file is written for each, and its name "
+            "contains the name of the order file."
         ),
     ]
 
@@ -150,10 +151,10 @@ class TableOptions(ConfigSection, frozen=True, kw_only=True):
     file: Annotated[
         NonEmptyText,
         Meta(
-            description="A CSV file with a header line, separated by semicolons, tabs or commas, or a "
-            "workbook (.xlsx; needs fleet-automaton[excel]); path relative to the scenario. A "
-            "pattern such as days/*.csv names several files: the seed of a run selects one, "
-            "whose times count from midnight of its first day."
+            description="A CSV file with a header line and columns separated by semicolons, tabs "
+            "or commas, or a workbook (.xlsx; needs fleet-automaton[excel]); path relative to "
+            "the scenario. A pattern such as days/*.csv names several files: the seed of a "
+            "run selects one, whose times count from midnight of its first day."
         ),
     ]
     sheet: Annotated[

@@ -86,8 +86,9 @@ class FirstComeParameters(msgspec.Struct, forbid_unknown_fields=True, frozen=Tru
     by: Annotated[
         Literal["arrival", "due"],
         Meta(
-            description="Rule of choice. arrival: the order that was released first; due: the order "
-            "that is due first, orders without a due time last, ties by release."
+            description="Rule of choice. arrival: the order that was released first; due: the "
+            "order that is due first; orders without a due time come last, and ties go by "
+            "release."
         ),
     ] = "arrival"
     storage: Storage = "fixed"

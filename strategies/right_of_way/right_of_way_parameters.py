@@ -165,17 +165,19 @@ class EpibtParameters(GuidedParameters, forbid_unknown_fields=True, frozen=True,
     first: Annotated[
         Literal["nearest", "oldest", "shortest"],
         Meta(
-            description="Robots that plan first. nearest: robots closest to their goals, for throughput; "
-            "shortest: robots with the least way left to the end of their orders, with all "
-            "stops; oldest: robots that finished their last goal longest ago, which lowers "
-            "throughput and may block a crowd. Robots on their way home always come last."
+            description="Robots that plan first. nearest: robots closest to their goals, for "
+            "throughput; shortest: robots with the shortest way left to the end of their "
+            "orders, including all stops; oldest: robots that finished their last goal "
+            "longest ago, which lowers throughput and may block a crowd. Robots on their way "
+            "home always come last."
         ),
     ] = "nearest"
     starved_after: Annotated[
         Ticks | None,
         Meta(
-            description="Ticks without a finished goal after which a robot plans before all others, the "
-            "longest time first; null: never."
+            description="Ticks after which a robot that has finished no goal plans before all "
+            "others; of several such robots, the one that has waited longest plans first. "
+            "null: never."
         ),
     ] = None
     drivers: Annotated[

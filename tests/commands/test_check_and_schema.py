@@ -91,7 +91,7 @@ stop: {when: delivered}
         (["fleet.start=parking-bays"], ""),
         (["fleet.start=random"], ""),  # not on stations
         (["fleet.start=random", "fleet.robots=8"], "so robots begin and park on stations too"),
-        (["fleet.start=[[0, 0], [4, 0]]"], "robot 1 begins on a stationand therefore parks there"),
+        (["fleet.start=[[0, 0], [4, 0]]"], "robot 1 begins on a station and therefore parks there"),
         (["fleet.start=[[0, 0], [2, 0]]"], ""),
         (["strategy.allocation={name: shortest-job, idle: stay}"], "stay where they dropped"),
         (["fleet.start=random", "fleet.robots=1"], ""),

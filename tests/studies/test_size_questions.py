@@ -144,7 +144,7 @@ def test_only_a_sure_share_is_called_at_least(capsys: Any) -> None:
         "--assure",
         "without --as",
     ]
-    assert re.search(r"with a fixed number: \d+ days without a miss, \d+ with one", err)
+    assert re.search(r"a fixed number of days: \d+ without a miss, \d+ with one", err)
     _, out, err = size(capsys, *ASKED, *QUICK, "--budget", "200")
     assert f"{sentence} more than 65 % of days, with 90 % confidence\n" in out
     assert "at least" not in out and err == ""

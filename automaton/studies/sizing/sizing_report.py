@@ -268,12 +268,12 @@ def forecast(question: Question) -> Iterator[str]:
         wald = expected_runs(share_test(share, DEFAULT_INDIFFERENCE, error), true, most)
         more = shown_share(share - DEFAULT_INDIFFERENCE)
         yield (
-            f"without --assure, to show more than {more} by Wald's test: "
+            f"without --assure, Wald's test shows more than {more} after "
             f"{', '.join(f'{one.runs:,.0f}' for one in wald)} days"
         )
     fixed = [f"{fixed_runs(share, error, misses):,}" for misses in range(4)]
     yield (
-        f"with a fixed number: {fixed[0]} days without a miss, {fixed[1]} with one, {fixed[2]} with two, "
+        f"a fixed number of days: {fixed[0]} without a miss, {fixed[1]} with one, {fixed[2]} with two, "
         f"{fixed[3]} with three"
     )
 

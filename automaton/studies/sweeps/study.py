@@ -160,8 +160,8 @@ class Analysis(ConfigSection, frozen=True, kw_only=True):
     paired: Annotated[
         bool | None,
         Meta(
-            description="Whether runs of the same replication are compared in pairs; default: if "
-            "they have the same seed (common_random_numbers)."
+            description="Whether runs of the same replication are compared in pairs; default: "
+            "true if they have the same seed (common_random_numbers)."
         ),
     ] = None
     baseline: Annotated[
@@ -198,9 +198,10 @@ class Analysis(ConfigSection, frozen=True, kw_only=True):
     precision: Annotated[
         Annotated[float, Meta(ge=1e-6, le=1)] | None,
         Meta(
-            description="Target half-width of the intervals: of differences, as a share of the "
-            "baseline mean; without comparisons, of means, as a share of the mean. The report "
-            "estimates how many runs that needs; with replications: {at_most: N}, the sweep makes them."
+            description="Target half-width of intervals. With comparisons: of differences, as a "
+            "share of the baseline mean; without: of means, as a share of the mean. The "
+            "report estimates how many runs this needs; with replications: {at_most: N}, the "
+            "sweep makes them."
         ),
     ] = None
 

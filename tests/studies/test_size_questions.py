@@ -318,6 +318,21 @@ def test_an_answer_in_steps_names_the_size_between_that_was_not_tried() -> None:
         assert f"Answer: {said}" in text
 
 
+def test_a_fleet_that_passes_is_enough_even_if_smaller_ones_are_undecided() -> None:
+    for budget, said in (
+        (700, r"8 robots are enough; undecided from 5 to 7 \(5: \d+ of \d+ days meet the target; "),
+        (200, r"undecided between 5 and 8, or more \(the budget is spent\)"),
+    ):
+        question = make_question(
+            Target("makespan", True, 0.0), (2, 9), step=3, budget=budget, assure=True
+        )
+        run = synthetic([0.1] * 3 + [0.95] * 3 + [1.0] * 3, np.random.default_rng(1))
+        session = SizingSession(question, run)
+        session.go()
+        text = as_text(answer_document({"": session}, "made up", "", 0.0), 1000)
+        assert re.search(f"^Answer: {said}", text, re.M), text
+
+
 def test_the_fewest_stations_that_meet_the_target(capsys: Any, hall: str) -> None:
     given = (
         hall,

@@ -243,12 +243,7 @@ def belief(session: SizingSession, place: FleetConfig) -> str:
     found = searches[0].find(place.size) if searches else None
     if found is None or not found.runs:
         return fleet
-    known = f"{found.met(question):,} of {len(found.runs):,} days meet the target"
-    if question.mean:
-        mean = found.mean(question.target.metric)
-        value = "-" if mean is None else number(mean.value)
-        known = f"mean {question.target.metric} {value} on {len(found.runs):,} days"
-    return f"{fleet}: {known}, {found.verdict}"
+    return f"{fleet}: {evidence(found, question)}, {found.verdict}"
 
 
 def forecast(question: Question) -> Iterator[str]:
@@ -292,13 +287,36 @@ def sentence(search: FleetSearch, session: SizingSession) -> str:
         return many(size) + untried_text(search, size, session.question.step)
     if answer.kind == "not reachable":
         return f"not reachable up to {many(last)}"
-    between = f"between {answer.least} and {answer.size or f'{last}, or more'}"
-    if not answer.size and answer.least == last:
+    if answer.size is not None:
+        return undecided_below(search, session, answer.size)
+    between = f"between {answer.least} and {last}, or more"
+    if answer.least == last:
         between = f"whether {many(last)} are enough"
     share = f"its share of the budget, {search.budget:,} runs, is spent"
     spent = share if len(session.question.strategies) > 1 else "the budget is spent"
     why = spent if session.complete else "interrupted"
     return f"undecided {between} ({why})"
+
+
+def undecided_below(search: FleetSearch, session: SizingSession, size: int) -> str:
+    """The answer if a fleet has passed, and smaller ones are undecided."""
+    question, known = session.question, []
+    for one in search.candidates:
+        if one.verdict == "undecided" and one.place.size < size and one.runs:
+            known.append(f"{one.place.size}: {evidence(one, question)}")
+    enough = f"{question.quantity.many(size)} {'is' if size == 1 else 'are'} enough"
+    why = "a larger --budget decides" if session.complete else "interrupted"
+    rest = "; ".join([*known, why])
+    return f"{enough}; undecided from {search.answer.least} to {size - 1} ({rest})"
+
+
+def evidence(candidate: Candidate, question: Question) -> str:
+    """What the days of a fleet show: "421 of 451 days meet the target"."""
+    if not question.mean:
+        return f"{candidate.met(question):,} of {len(candidate.runs):,} days meet the target"
+    mean = candidate.mean(question.target.metric)
+    value = "-" if mean is None else number(mean.value)
+    return f"mean {question.target.metric} {value} on {len(candidate.runs):,} days"
 
 
 def untried_text(search: FleetSearch, size: int, step: int) -> str:

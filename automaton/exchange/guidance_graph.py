@@ -97,6 +97,13 @@ def read_guidance_graph(path: Path, options: ImportOptions) -> ImportedFloor:
     return ImportedFloor(picture, {}, sections, report, tables=tuple(tables))
 
 
+def layout_rows(path: Path) -> list[str]:
+    """The rows of the layout of a guidance graph, in its own marks. Raises InputError."""
+    graph = _decoded(path)
+    _check_layout(graph, str(path))
+    return graph.layout
+
+
 def streets_text(path: Path) -> str:
     """The weights of a guidance graph as a file of streets; "" if all are 1. Raises InputError."""
     graph, file = _decoded(path), str(path)

@@ -11,7 +11,6 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Final
 
 from automaton.errors import InputError
@@ -34,10 +33,11 @@ from automaton.papers.reproduction_study import (
     Reproduction,
     RunCase,
     Runner,
+    scenario_runs,
 )
 from automaton.scenario.text_files import read_text
 from automaton.strategy import lookup
-from automaton.studies.process_pool import OnDone, RunResult, run_all
+from automaton.studies.process_pool import RunResult
 from automaton.world.resolve import Resolved, resolve
 from layouts.random_floor import RandomFloor
 
@@ -89,18 +89,10 @@ class FleetCase(RunCase):
 def tasks_in(problem_of: ProblemOf) -> Runner:
     """A table's runner: the finished tasks of each case (strategy, problem and number of robots)."""
 
-    def run(
-        cases: Sequence[FleetCase],
-        seeds: Sequence[int],
-        workers: int | None = None,
-        on_done: OnDone | None = None,
-    ) -> list[list[RunResult]]:
-        with TemporaryDirectory() as folder:
-            scenarios = [scenario_of(case, problem_of(case.key), Path(folder)) for case in cases]
-        results = run_all(scenarios, seeds, workers, on_done)
-        return [[with_tasks(result) for result in batch] for batch in results]
-
-    return run
+    return scenario_runs(
+        made=lambda case, folder: scenario_of(case, problem_of(case.key), folder),
+        measured=with_tasks,
+    )
 
 
 def scenario_of(case: FleetCase, problem: Problem, folder: Path) -> Resolved:

@@ -12,11 +12,10 @@ import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any, Final
 
 from automaton.errors import InputError
-from automaton.exchange.guidance_graph import streets_text
+from automaton.exchange.guidance_graph import SYMBOL_OF, layout_rows, streets_text
 from automaton.papers.claims import Claim, above, claim, mean_of
 from automaton.papers.reproduction_study import (
     Case,
@@ -27,8 +26,9 @@ from automaton.papers.reproduction_study import (
     RunCase,
     Runner,
     fixed,
+    scenario_runs,
 )
-from automaton.studies.process_pool import OnDone, RunResult, run_all
+from automaton.studies.process_pool import RunResult
 from automaton.world.resolve import Resolved, resolve
 
 GUIDANCE_TICKS: Final = 1000
@@ -144,18 +144,12 @@ def prototype(key: Key, metric: str) -> tuple[float, float] | None:
 def layout_of(path: Path) -> dict[str, Any]:
     """The layout of a scenario from an authors' file. Raises InputError.
 
-    `.` and `e` are floor, `w` is a station, and `@` and `T` are obstacles: racks on floors with cells
-    `e`, which are those above and below racks.
+    Obstacles are racks on floors with cells `e`, which are those above and below racks.
     """
-    try:
-        rows = json.loads(path.read_text(encoding="utf-8"))["layout"]
-        cells = {cell for row in rows for cell in row}
-    except (OSError, ValueError, KeyError, TypeError) as error:
-        raise InputError("is not a floor of the authors: it needs a layout", str(path)) from error
-    if unknown := sorted(cells - set(".@Tew")):
-        raise InputError(f"has unknown cells: {', '.join(unknown)}", str(path))
-    symbols = {".": ".", "e": ".", "w": "t"} | dict.fromkeys("@T", "r" if "e" in cells else "#")
-    return {"picture": "\n".join("".join(symbols[cell] for cell in row) for row in rows)}
+    rows = layout_rows(path)
+    has_racks = any("e" in row for row in rows)
+    marks = SYMBOL_OF | (dict.fromkeys("@T", "r") if has_racks else {})
+    return {"picture": "\n".join("".join(marks[cell] for cell in row) for row in rows)}
 
 
 def found_files(folder: Path) -> dict[tuple[str, str], Path]:
@@ -211,18 +205,7 @@ def runs_on(files: Mapping[tuple[str, str], Path]) -> Runner:
         (folder / "guidance.yaml").write_text(json.dumps(content))
         return resolve(folder / "guidance.yaml", case.settings)
 
-    def run(
-        cases: Sequence[GuidanceCase],
-        seeds: Sequence[int],
-        workers: int | None = None,
-        on_done: OnDone | None = None,
-    ) -> list[list[RunResult]]:
-        with TemporaryDirectory() as folder:
-            scenarios = [scenario(case, Path(folder)) for case in cases]
-        results = run_all(scenarios, seeds, workers, on_done)
-        return [[per_tick(result) for result in batch] for batch in results]
-
-    return run
+    return scenario_runs(made=scenario, measured=per_tick)
 
 
 def per_tick(result: RunResult) -> RunResult:

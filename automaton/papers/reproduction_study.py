@@ -12,6 +12,7 @@ import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any, Final, Literal, Protocol, TypeVar
 
 from automaton.errors import InputError, alternatives, nearest
@@ -133,21 +134,25 @@ def with_published_names(result: RunResult) -> RunResult:
 def scenario_runs(
     conduct: RunFunction = run_and_measure,
     change: Callable[[Resolved, int], Resolved] = lambda resolved, seed: resolved,
+    made: Callable[[Any, Path], Resolved] = lambda case, folder: case.resolved(),
+    measured: Callable[[RunResult], RunResult] = with_published_names,
 ) -> Runner:
     """A table's runner that runs the scenario of each case with each seed by `conduct`.
 
-    `change`: changes a scenario for a seed, beyond the random numbers.
+    `change`: changes a scenario for a seed, beyond the random numbers; `made`: the scenario of a case,
+    which may write files to a folder; `measured`: the result of a run with the metrics of the table.
     """
 
     def run(
-        cases: Sequence[ScenarioCase],
+        cases: Sequence[Case],
         seeds: Sequence[int],
         workers: int | None = None,
         on_done: OnDone | None = None,
     ) -> list[list[RunResult]]:
-        scenarios = [case.resolved() for case in cases]
+        with TemporaryDirectory() as folder:
+            scenarios = [made(case, Path(folder)) for case in cases]
         results = run_all(scenarios, seeds, workers, on_done, conduct, change)
-        return [[with_published_names(result) for result in batch] for batch in results]
+        return [[measured(result) for result in batch] for batch in results]
 
     return run
 

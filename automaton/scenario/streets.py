@@ -38,6 +38,7 @@ from automaton.scenario.changing_floor import (
     cells_of_path,
     cells_of_set,
 )
+from automaton.units import count
 
 STREETS: Final[Keys] = ("streets",)
 THEN: Final[Keys] = (*STREETS, "then")
@@ -156,6 +157,20 @@ def enter_streets(
             if isinstance(error, InvalidValueError):
                 raise
             raise InvalidValueError(keys, error.message) from None
+
+
+def rules_in_words(floor_plan: FloorPlan, streets: Streets | None) -> str:
+    """What streets change on a floor, which has them: "streets: 6 moves closed"; "" if nothing."""
+    weights = streets_on(floor_plan, streets, is_closed=True)
+    possible = (floor_plan.possible_exits.reshape(-1)[:, None] >> np.arange(4)) & 1 > 0
+    numbers = (
+        (weights.closed & possible, "move", " closed"),
+        (weights.opened & ~weights.closed, "move", " opened"),
+        (weights.capacity == 1, "cell", " for 1 robot"),
+        (weights.capacity == 2, "cell", " for 2 robots"),
+    )
+    parts = [count(int(some.sum()), what) + rule for some, what, rule in numbers if some.any()]
+    return f"streets: {', '.join(parts)}" if parts else ""
 
 
 def enter_crisscross(weights: StreetWeights, plan: StreetPlan) -> None:

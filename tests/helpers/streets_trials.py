@@ -169,7 +169,8 @@ def single_lane(rng: np.random.Generator) -> Planted:
     middle, last = width // 2, height - 1
     rows = [["#"] * width for _ in range(height)]
     sides = [  # without their corners
-        *([(x, y) for x in range(*part)] for y in (0, last) for part in ((1, middle), (middle + 1, width - 1))),
+        *([(x, y) for x in range(1, middle)] for y in (0, last)),
+        *([(x, y) for x in range(middle + 1, width - 1)] for y in (0, last)),
         *([(x, y) for y in range(1, last)] for x in (0, middle, width - 1)),
     ]  # fmt: skip
     for x, y in [cell for side in sides for cell in side]:

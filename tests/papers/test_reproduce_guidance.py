@@ -22,7 +22,7 @@ def data(tmp_path: Path) -> Path:
     rows = ["." * 32] * 30 + ["." + "@" * 31] * 2
     (tmp_path / "human").mkdir()
     path = tmp_path / "human" / "pibt_random_unweight_32x32.json"
-    path.write_text(json.dumps({"layout": rows, "weight": False}))
+    path.write_text(json.dumps({"layout": rows, "n_row": 32, "n_col": 32, "weight": False}))
     return tmp_path
 
 
@@ -62,7 +62,7 @@ def test_the_authors_floor_is_run(data: Path, capsys: pytest.CaptureFixture[str]
 
 def test_shelves_are_racks_where_cells_beside_them_are_marked(tmp_path: Path) -> None:
     path = tmp_path / "floor.json"
-    path.write_text(json.dumps({"layout": ["w.ee.", "..@@.", "w.ee."]}))
+    path.write_text(json.dumps({"layout": ["w.ee.", "..@@.", "w.ee."], "n_row": 3, "n_col": 5}))
     assert layout_of(path) == {"picture": "t....\n..rr.\nt...."}
 
 
@@ -71,8 +71,8 @@ def test_shelves_are_racks_where_cells_beside_them_are_marked(tmp_path: Path) ->
     [
         (None, "is not a folder"),
         ("", "has no floor of the authors, such as pibt_random_unweight_32x32.json"),
-        ("[1", "is not a floor of the authors: it needs a layout"),
-        ('{"layout": ["..x"]}', "has unknown cells: x"),
+        ("[1", "is not a guidance graph: "),
+        ('{"layout": ["..x"], "n_row": 1, "n_col": 3}', "cell [2, 0] is 'x'; known are"),
     ],
 )
 def test_wrong_data_is_a_sentence(

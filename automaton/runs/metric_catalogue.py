@@ -72,8 +72,8 @@ METRIC_CATALOGUE: dict[str, tuple[str, str]] = {
     "delay_p95": ("ticks", "95th percentile of the delay of tasks"),
     "detour_share": (
         "share",
-        "how much longer than the shortest ways the ways are that the weights of streets choose for "
-        "finished orders, in driving time on an empty floor",
+        "extra driving time of finished orders on an empty floor, relative to the shortest ways, "
+        "because of the weights of streets",
     ),
     "throughput_per_robot": (
         f"{PER_1000_TICKS} and robot",

@@ -83,7 +83,7 @@ class Streets(Layer):
     """In which direction moves are cheaper than back, and where the move back is closed."""
 
     key, label, position, action = "W", "Streets", 44, "layer_streets"
-    meaning = "streets: the cheaper direction; again: weights of waiting"
+    meaning = "streets; again: weights of waiting"
     absent = "this floor has no streets: every move costs as much as the one back"
     heat, arrows = False, True  # `numbers` are for the inspector
 
@@ -147,7 +147,7 @@ class StreetWaits(Layer):
     """The weights of waiting, which right of way pibt and epibt read."""
 
     key, label, position, action = "W", "Streets", 45, "layer_streets"
-    meaning = "streets: the cheaper direction; again: weights of waiting"
+    meaning = "streets; again: weights of waiting"
     words = "weights of waiting"
     absent = "no streets here, or none with weights of waiting"
 

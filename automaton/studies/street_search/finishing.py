@@ -67,7 +67,7 @@ class DesignContext(NamedTuple):
 
 def most_runs(streets: int, is_one_way: bool) -> int:
     """The most runs of these steps for a design with this number of streets at most."""
-    tried = SELECT_RUNS_EACH * streets + 2 * LOSS_PAIRS if is_one_way else 0
+    tried = SELECT_RUNS_EACH * (1 + streets) + 2 * LOSS_PAIRS if is_one_way else 0
     return tried + REASON_PAIRS * (1 + streets) + 2 * SELECT_RUNS_EACH
 
 

@@ -238,7 +238,7 @@ def crowd(picture: str = "........\n.##..##.\n.##..##.\n........") -> dict[str, 
         "name": "crowd",
         "layout": {"picture": picture},
         "fleet": {"robots": 8, "kinematics": "omni", "start": "random"},
-        "orders": {"generator": "tours", "count": 1000},
+        "orders": {"generator": "tours", "assign": "round-robin", "count": 1000, "cells": "all"},
         "strategy": {"right_of_way": "pibt"},
         "stop": {"when": "never", "max_duration": 60},
     }

@@ -194,10 +194,6 @@ def asked_of(args: argparse.Namespace) -> Asked:
     if not args.robots and scenario.fleet.robots < 2:
         raise InputError("streets need at least two robots, which get out of each other's way",
                          args.scenario)  # fmt: skip
-    if scenario.orders.listed == ():
-        raise InputError(
-            "the scenario has no orders, so there is no traffic to guide", args.scenario
-        )
     kept = Override("right of way", ("strategy", "right_of_way"), scenario.strategy.right_of_way)
 
     @cache

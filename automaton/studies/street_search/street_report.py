@@ -154,12 +154,12 @@ def sentence(reason: Reason, floor_plan: FloorPlan) -> str:
 
 
 def worth_words(reason: Reason) -> str:
-    """What a street is worth, or that it has no effect."""
+    """What a street is worth, and whether that is significant."""
     if reason.worth is None:
         return "too few runs finished"
     if reason.has_effect:
         return change_text(reason.worth)
-    return f"no effect ({change_text(reason.worth)})"
+    return f"{change_text(reason.worth)}, not significant"
 
 
 def group_words(group: GroupChange) -> str:
@@ -187,7 +187,7 @@ def reasons_in_words(
 def summary(ranked: Sequence[Reason], metric: str, total: float | None) -> Iterator[str]:
     """How many streets have an effect, and their sum beside the gain of the design."""
     number = sum(one.has_effect for one in ranked)
-    yield f"{number:,} of {len(ranked):,} streets have an effect on {metric}"
+    yield f"{number:,} of {len(ranked):,} streets have a significant effect on {metric}"
     if total is not None and ranked:
         largest = min(10, len(ranked))
         text = f"the {largest} largest gains add up to {100 * sum_of_largest(ranked):+.1f} %"

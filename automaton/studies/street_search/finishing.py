@@ -1,0 +1,88 @@
+"""The chosen design made simpler and explained: one-way streets, fewer streets, and reasons.
+
+Each step has its own seeds, so that what one of them chooses does not bias the next, nor the verdict.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Final, NamedTuple
+
+from automaton.floor.floor_plan import FloorPlan
+from automaton.studies.street_search.designs import StreetDesign
+from automaton.studies.street_search.one_way import NeededWays, OneWay, flow_of, one_way
+from automaton.studies.street_search.reasons import (
+    ComparedRuns,
+    FewerStreets,
+    LeadTimes,
+    Reason,
+    fewer,
+    lead_times_by_group,
+    reasons,
+    with_groups,
+)
+from automaton.studies.sweeps.run_keys import seed_of
+from automaton.world.resolved import Resolved
+
+SELECT_RUNS_EACH: Final = 20  # in which a closed street is tried open, and streets are left out
+REASON_PAIRS: Final = 40
+LOSS_PAIRS: Final = 100  # that show what one-way streets cost
+FLOW_RUNS: Final = 2
+
+
+class FinishedDesign(NamedTuple):
+    """A design after its last steps."""
+
+    design: StreetDesign
+    one_way: OneWay | None  # None: not asked for
+    reasons: list[Reason]  # of all streets, those that were left out included
+    fewer: FewerStreets
+
+
+class DesignContext(NamedTuple):
+    """The scenario of a search."""
+
+    floor_plan: FloorPlan  # without streets
+    with_design: Callable[[StreetDesign], Resolved]  # it with other streets
+    compared: ComparedRuns
+    seed: int
+    workers: int | None  # for the runs that count lead times
+
+    def seeds(self, purpose: str, number: int) -> list[int]:
+        """Seeds that serve one purpose only."""
+        return [seed_of(f"{self.seed} {purpose} {r}") for r in range(number)]
+
+    def lead_times(
+        self, designs: Sequence[StreetDesign], seeds: Sequence[int]
+    ) -> list[list[LeadTimes]]:
+        """What `lead_times_by_group` counts, by design and seed."""
+        from automaton.studies.process_pool import run_jobs  # needs Numba
+
+        scenarios = [self.with_design(design) for design in designs]
+        jobs = [(resolved, seed) for resolved in scenarios for seed in seeds]
+        results = run_jobs(jobs, self.workers, run_function=lead_times_by_group)
+        sums = [dict(one.metrics) for one in results]
+        return [list(sums[k : k + len(seeds)]) for k in range(0, len(sums), len(seeds))]
+
+
+def most_runs(streets: int, is_one_way: bool) -> int:
+    """The most runs of these steps for a design with this number of streets at most."""
+    tried = SELECT_RUNS_EACH * streets + 2 * LOSS_PAIRS if is_one_way else 0
+    return tried + REASON_PAIRS * (1 + streets) + 2 * SELECT_RUNS_EACH
+
+
+def finished(design: StreetDesign, context: DesignContext, is_one_way: bool) -> FinishedDesign:
+    """Make streets one-way if asked for, find the reasons, and leave out streets without effect."""
+    resolved, compared = context.with_design(design), context.compared
+    select = context.seeds("select", SELECT_RUNS_EACH)
+    closed = None
+    if is_one_way:
+        flow = flow_of(resolved, context.seeds("flow", FLOW_RUNS))
+        held_out = context.seeds("one-way", LOSS_PAIRS)
+        closed = one_way(design, NeededWays(resolved), flow, compared, select, held_out)
+        design = closed.design
+    floor_plan, fresh = context.floor_plan, context.seeds("reasons", REASON_PAIRS)
+    ranked = reasons(design, floor_plan, compared, fresh)
+    ranked = with_groups(ranked, design, floor_plan, context.lead_times, fresh)
+    left = fewer(design, floor_plan, ranked, compared, select)
+    return FinishedDesign(left.design, closed, ranked, left)

@@ -1,0 +1,219 @@
+"""Streets in words and as a picture: the reasons for a design, what is one-way, and the drawn floor.
+
+→→→→→▶    soft: the move back costs more; filled: it is closed
+↑####↓    ASCII: e s w n, and > v < ^
+↑←←←←←
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from automaton.documents.report_document import (
+    Block,
+    CharacterPicture,
+    Heading,
+    Listed,
+    Table,
+    Text,
+)
+from automaton.floor.floor_plan import FloorPlan
+from automaton.studies.street_search.designs import StreetDesign
+from automaton.studies.street_search.finishing import FinishedDesign
+from automaton.studies.street_search.one_way import OneWay, with_closed
+from automaton.studies.street_search.reasons import (
+    FewerStreets,
+    GroupChange,
+    Reason,
+    change_text,
+    share_of,
+    sum_of_largest,
+)
+
+SOFT: Final = ("→↓←↑", "eswn")  # by direction; Unicode, ASCII
+CLOSED_BACK: Final = ("▶▼◀▲", ">v<^")
+NO_DIRECTION: Final = ("·", ".")
+OBSTACLE: Final = "#"
+LEAST_FACTOR: Final = 1.25  # by which the move back costs more, for an arrow
+LARGEST_FACTOR: Final = 8.0
+LARGEST_FLOOR: Final = (120, 80)  # columns and rows of a floor that is drawn
+
+
+def drawn_streets(design: StreetDesign, floor_plan: FloorPlan, ascii_only: bool) -> list[str]:
+    """The rows of a floor: an arrow in each cell along the axis with the stronger preference."""
+    directions, is_closed = arrows(design, floor_plan)
+    drivable = floor_plan.drivable.reshape(-1)
+    kind = 1 if ascii_only else 0
+    signs = np.full(drivable.size, OBSTACLE)
+    signs[drivable] = NO_DIRECTION[kind]
+    for direction in range(4):
+        for sign, closed in ((SOFT, False), (CLOSED_BACK, True)):
+            here = drivable & (directions == direction) & (is_closed == closed)
+            signs[here] = sign[kind][direction]
+    inner = signs.reshape(floor_plan.kind.shape)[1:-1, 1:-1]
+    return ["".join(row) for row in inner.tolist()]
+
+
+def arrows(
+    design: StreetDesign, floor_plan: FloorPlan
+) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
+    """(cells,) the preferred direction of each cell, or -1, and whether the move back is closed.
+
+    Where a row and a column are equally strong, cells show one and the other in turn.
+    """
+    exits = with_closed(floor_plan, design.closed).exits.reshape(-1)
+    leaves = (exits[:, None] >> np.arange(4)) & 1 > 0
+    weights = np.where(leaves, design.moves, np.inf)
+    strength, back_closed = np.zeros(weights.shape), np.zeros(weights.shape, np.bool_)
+    for direction, offset in enumerate(floor_plan.offsets):
+        out, back = leaves[:, direction], np.roll(weights[:, direction ^ 2], -offset)
+        ratio = np.divide(back, weights[:, direction], where=out, out=np.ones(len(back)))
+        strength[:, direction] = np.log2(np.clip(ratio, 1, LARGEST_FACTOR))
+        back_closed[:, direction] = out & np.isinf(back)
+    pull = strength[:, :2] - strength[:, 2:]
+    first, second = np.abs(pull).T
+    odd = np.indices(floor_plan.kind.shape).sum(axis=0).reshape(-1) % 2
+    axis = np.where(np.isclose(first, second), odd, second > first).astype(np.int64)
+    cells = np.arange(len(pull))
+    direction = np.where(pull[cells, axis] < 0, axis + 2, axis)
+    is_weak = np.abs(pull[cells, axis]) < np.log2(LEAST_FACTOR) - 1e-9
+    return np.where(is_weak, -1, direction), back_closed[cells, direction] & ~is_weak
+
+
+def blocks_of(
+    last: FinishedDesign,
+    floor_plan: FloorPlan,
+    metric: str,
+    total: float | None,
+    ascii_only: bool,
+) -> Iterator[Block]:
+    """The drawn streets, what was closed and left out, and what each street is worth.
+
+    `total`: what all streets together gain, in shares.
+    """
+    yield Heading("Streets")
+    changes = [] if last.one_way is None else [one_way_words(last.one_way)]
+    yield Listed([*changes, fewer_words(last.fewer)], mark="")
+    if floor_plan.width <= LARGEST_FLOOR[0] and floor_plan.height <= LARGEST_FLOOR[1]:
+        kind = 1 if ascii_only else 0
+        soft, closed = (" ".join(signs[kind]) for signs in (SOFT, CLOSED_BACK))
+        yield Text(f"{soft}: the move back costs more; {closed}: it is closed.")
+        rows = drawn_streets(last.design, floor_plan, ascii_only)
+        yield CharacterPicture([[(row, "")] for row in rows])
+    yield Heading("Reasons")
+    yield Text(HOW_COMPARED)
+    yield reasons_in_words(last.reasons, floor_plan, metric, total)
+    yield reasons_table(last.reasons, floor_plan, metric)
+
+
+HOW_COMPARED: Final = (
+    "Each street is compared in pairs of runs with the design where both of its directions cost the same "
+    "and are open. Intervals hold for all streets together (95 %, Bonferroni)."
+)
+
+
+def reason_record(reason: Reason, floor_plan: FloorPlan) -> dict[str, Any]:
+    """A reason for JSON output; changes in shares."""
+    worth = None
+    if reason.worth is not None:
+        worth = interval_record(share_of(reason.worth))
+    groups = {"saves": reason.saves, "costs": reason.costs}
+    return {
+        "street": reason.street.name(floor_plan),
+        "cheaper": reason.street.preference,
+        "worth": worth,
+        "has_effect": reason.has_effect,
+        **{
+            key: one and {"orders": one.name, "lead_time": interval_record(one.change)}
+            for key, one in groups.items()
+        },
+    }
+
+
+def interval_record(change: Any) -> dict[str, float | None]:
+    """A change with its interval."""
+    return {"value": change.value, "low": change.low, "high": change.high}
+
+
+# Reasons.
+
+
+def sentence(reason: Reason, floor_plan: FloorPlan) -> str:
+    """Such as "row 12, west 2.1 times as cheap: +2.0 % (+1.6 to +2.4); costs orders from ..."."""
+    street = reason.street
+    parts = [f"{street.name(floor_plan)}, {street.preference}: {worth_words(reason)}"]
+    if reason.costs is not None:
+        parts.append(f"costs orders {group_words(reason.costs)}")
+    if reason.saves is not None:
+        parts.append(f"saves orders {group_words(reason.saves)}")
+    return "; ".join(parts)
+
+
+def worth_words(reason: Reason) -> str:
+    """What a street is worth, or that it has no effect."""
+    if reason.worth is None:
+        return "too few runs finished"
+    if reason.has_effect:
+        return change_text(reason.worth)
+    return f"no effect ({change_text(reason.worth)})"
+
+
+def group_words(group: GroupChange) -> str:
+    """Such as "from station 3 to station 7 +6.0 % lead time (+4.1 to +7.9)"."""
+    change, interval = change_text(group.change).split(" (")
+    return f"{group.name} {change} lead time ({interval}"
+
+
+def reasons_table(ranked: Sequence[Reason], floor_plan: FloorPlan, metric: str) -> Table:
+    """The streets, the largest gain first, with what each is worth."""
+    rows = [
+        [one.street.name(floor_plan), one.street.preference, worth_words(one)] for one in ranked
+    ]
+    return Table(("street", "cheaper", metric), rows, left=2, also_left=(2,))
+
+
+def reasons_in_words(
+    ranked: Sequence[Reason], floor_plan: FloorPlan, metric: str, total: float | None
+) -> Listed:
+    """The sentences of streets with an effect, and how they add up; `total`: what all gain."""
+    items = [sentence(one, floor_plan) for one in ranked if one.has_effect]
+    return Listed([*items, *summary(ranked, metric, total)])
+
+
+def summary(ranked: Sequence[Reason], metric: str, total: float | None) -> Iterator[str]:
+    """How many streets have an effect, and their sum beside the gain of the design."""
+    number = sum(one.has_effect for one in ranked)
+    yield f"{number:,} of {len(ranked):,} streets have an effect on {metric}"
+    if total is not None and ranked:
+        largest = min(10, len(ranked))
+        text = f"the {largest} largest gains add up to {100 * sum_of_largest(ranked):+.1f} %"
+        yield f"{text}; all streets together gain {100 * total:+.1f} %"
+
+
+def one_way_words(result: OneWay) -> str:
+    """What was closed, and what it costs."""
+    if result.change is None:
+        return "no street can be made one-way: no move costs 4 times as much as the move back"
+    change = f"{change_text(result.change)} against weights alone"
+    text = f"one-way streets: {len(result.closings):,}, {change}"
+    if not result.is_kept:
+        return f"weights alone stay, because one-way streets may cost 1 % or more; {text}"
+    left = f"{len(result.two_way):,} that robots need both ways"
+    return f"{text}; two-way: {left}, {len(result.reopened):,} that do better so"
+
+
+def fewer_words(result: FewerStreets) -> str:
+    """Which streets were left out, and what that changes."""
+    if not result.removed:
+        return "every street has an effect"
+    change = "" if result.change is None else f" ({change_text(result.change)})"
+    if result.is_kept:
+        return f"streets left out because they have no effect: {len(result.removed):,}{change}"
+    return (
+        f"streets without an effect alone: {len(result.removed):,}; they stay, because together they "
+        f"have one{change}"
+    )

@@ -16,7 +16,7 @@ from sweep_studies import OwnThread, interrupting
 from automaton.commands import main, sweep_command
 from automaton.scenario.street_files import street_table, streets_of_text
 from automaton.scenario.streets import UNIT, StreetWeights, streets_on
-from automaton.studies.street_search import evolution, verdict
+from automaton.studies.street_search import evolution, finishing, verdict
 from automaton.studies.street_search.designs import StreetDesign, stretches
 from automaton.studies.street_search.evolution import (
     AS_IT_IS,
@@ -50,6 +50,8 @@ def small(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(verdict, "SELECT_RUNS", 2)
     monkeypatch.setattr(verdict, "HELD_OUT_PAIRS", 3)
     monkeypatch.setattr(verdict, "SHARES", (1.0,))
+    for name in ("SELECT_RUNS_EACH", "REASON_PAIRS", "LOSS_PAIRS"):
+        monkeypatch.setattr(finishing, name, 2)
     monkeypatch.setattr(pools, "LocalPool", OwnThread)
 
 

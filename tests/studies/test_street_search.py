@@ -125,16 +125,13 @@ def test_a_search_is_repeatable_and_resumable(
 ) -> None:
     whole = searched(tmp_path)
     assert "streets.csv" in whole and whole["code"] in (0, 1)
-    monkeypatch.setattr(pools, "LocalPool", TwoThreads)
-    assert searched(tmp_path, name="two")["streets.csv"] == whole["streets.csv"]
-    monkeypatch.setattr(pools, "LocalPool", OwnThread)
-
     rows = sweep_command.Listener.rows
     monkeypatch.setattr(sweep_command.Listener, "rows", interrupting(rows, 17))
     assert searched(tmp_path, name="cut")["code"] == 130
     monkeypatch.setattr(sweep_command.Listener, "rows", rows)
     log = tmp_path / "cut" / CANDIDATES_FILE
     assert len(log.read_text().splitlines()) < len(whole[CANDIDATES_FILE].splitlines())
+    monkeypatch.setattr(pools, "LocalPool", TwoThreads)
     resumed = searched(tmp_path, name="cut")
     assert resumed["streets.csv"] == whole["streets.csv"]
     assert resumed[CANDIDATES_FILE] == whole[CANDIDATES_FILE]

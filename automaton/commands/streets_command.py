@@ -11,6 +11,7 @@ import math
 import os
 import re
 import shlex
+import sys
 from collections.abc import Callable, Iterator
 from functools import cache
 from pathlib import Path
@@ -56,8 +57,16 @@ from automaton.studies.reports.comparison_tables import relative_text
 from automaton.studies.reports.comparisons import direction_of
 from automaton.studies.reports.study_results import described
 from automaton.studies.street_search import evolution, verdict
-from automaton.studies.street_search.designs import StreetDesign
+from automaton.studies.street_search.designs import StreetDesign, stretches
 from automaton.studies.street_search.evolution import SearchQuestion
+from automaton.studies.street_search.finishing import (
+    DesignContext,
+    FinishedDesign,
+    finished,
+    most_runs,
+)
+from automaton.studies.street_search.reasons import ComparedRuns
+from automaton.studies.street_search.street_report import blocks_of, reason_record
 from automaton.studies.sweeps.run_keys import fingerprint
 from automaton.studies.sweeps.sweep_plan import SweepPlan, files_at, make_sweep_plan, texts_of
 from automaton.tables.table_run import ScenarioDumper
@@ -89,11 +98,19 @@ class Found(NamedTuple):
     fleets: list[verdict.FleetVerdict]  # () if the scenario as it is was chosen
     refused: list[str]  # fleets that the scenario cannot have, with the reason
     failed: int  # runs
+    finished: FinishedDesign | None  # None if the scenario as it is was chosen
 
     @property
     def chosen(self) -> evolution.NamedDesign:
         """The design that was chosen."""
         return self.search.finalists[self.choice.place]
+
+    @property
+    def total(self) -> float | None:
+        """What the design gains with the fleet of the search, in shares of the metric."""
+        own = [one.gain for one in self.fleets if one.is_asked]
+        share = own[0].relative if len(own) == 1 and own[0] is not None else None
+        return None if share is None else share.value
 
     def holds(self, question: SearchQuestion) -> bool:
         """Whether the design is better with each fleet for which it was searched."""
@@ -133,6 +150,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_workers_argument(parser, 1024)
     text = "run on a Dask cluster: an address, such as tcp://host:8786, or the scheduler file"
     add("--scheduler", metavar="ADDRESS", help=text)
+    text = "close moves against streets where all ways remain and little is lost"
+    add("--one-way", action="store_true", help=text)
     add("--dry-run", action="store_true", help="estimate the time from a pilot run")
     text = "search again where the folder has results of other code or another search"
     add("--recompute", action="store_true", help=text)
@@ -152,9 +171,8 @@ def run(args: argparse.Namespace) -> int:
     if args.out.exists() and not args.out.is_dir():
         raise InputError("is not a folder", str(args.out))
     found = searched(args, asked)
-    chosen = found.chosen.design
-    if found.choice.place:
-        write_streets(args, asked, chosen)
+    if found.finished is not None:
+        write_streets(args, asked, found.finished.design)
     document = document_of(found, asked, args)
     for name, form in REPORTS:
         with atomic_writer(args.out / name) as file:
@@ -176,10 +194,6 @@ def asked_of(args: argparse.Namespace) -> Asked:
     if not args.robots and scenario.fleet.robots < 2:
         raise InputError("streets need at least two robots, which get out of each other's way",
                          args.scenario)  # fmt: skip
-    if scenario.orders.listed == ():
-        raise InputError(
-            "the scenario has no orders, so there is no traffic to guide", args.scenario
-        )
     kept = Override("right of way", ("strategy", "right_of_way"), scenario.strategy.right_of_way)
 
     @cache
@@ -246,12 +260,14 @@ def finalist_number(question: SearchQuestion) -> int:
     return len(evolution.start_phases()) + len(lasts | set(every))
 
 
-def planned_runs(question: SearchQuestion) -> int:
-    """The runs of search, choice and verdict."""
-    fleets = len(question.robots)
+def planned_runs(args: argparse.Namespace, asked: Asked) -> int:
+    """The runs of search, choice, reasons (at most) and verdict."""
+    question, fleets = asked.question, len(asked.question.robots)
     made = fleets * evolution.START_RUNS * len(evolution.start_phases())
     made += fleets * sum(number * population for _, number, population in stages_of(question))
     made += fleets * verdict.choice_runs(finalist_number(question))
+    streets = len(stretches(asked.base(None).floor_plan))
+    made += fleets * most_runs(streets, args.one_way)
     return made + 2 * verdict.HELD_OUT_PAIRS * (len(verdict.SHARES) - 1 + fleets)
 
 
@@ -264,7 +280,7 @@ def dry_run(args: argparse.Namespace, asked: Asked) -> int:
     in_turns = sum(
         fleets * number * math.ceil(population / known.workers) for _, number, population in stages
     )
-    total = planned_runs(question)
+    total = planned_runs(args, asked)
     rest = total - fleets * sum(number * population for _, number, population in stages)
     seconds = known.start_s + known.run_s * (in_turns + rest / known.workers)
     most = max(population for *_, population in stages)
@@ -273,7 +289,7 @@ def dry_run(args: argparse.Namespace, asked: Asked) -> int:
         f"search: {question.runs:,} runs at most: {len(evolution.start_phases())} start designs x "
         f"{evolution.START_RUNS}, generations {parts}"
         + (f", each with {fleets} fleets" if fleets > 1 else ""),
-        f"choice and test: {rest:,} runs, the start designs included",
+        f"choice, reasons and test: at most {rest:,} runs, the start designs included",
         f"time: about {duration(seconds)} with {count(known.workers, 'worker')} "
         f"({1e3 * known.run_s:,.0f} ms a run, by {count(known.pilots, 'pilot run')}; distance tables of "
         "each design come on top)",
@@ -303,7 +319,7 @@ def searched(args: argparse.Namespace, asked: Asked) -> Found:
             asked.base,
             lambda: crew_of(args),
             args.recompute,
-            lambda start: listener.begin(start._replace(runs=planned_runs(question))),
+            lambda start: listener.begin(start._replace(runs=planned_runs(args, asked))),
             listener.rows,
             args.strategy_timeout,
         )
@@ -317,11 +333,32 @@ def searched(args: argparse.Namespace, asked: Asked) -> Found:
                 )
             search = evolution.Search(question, floor_plan, asked.as_it_is, runs, log).run()
             choice = verdict.choose(question, search.finalists, runs)
-            fleets, refused = [], []
+            last: FinishedDesign | None = None
+            fleets: list[verdict.FleetVerdict] = []
+            refused: list[str] = []
             if choice.place:
-                fleets, refused = judged(asked, search.finalists[choice.place].design, runs)
+                chosen = search.finalists[choice.place].design
+                last = finished(chosen, context_of(args, asked, runs), args.one_way)
+                fleets, refused = judged(asked, last.design, runs)
             failed = sum(row["error"] is not None for row in runs.rows.values())
-    return Found(search, choice, fleets, refused, failed)
+    return Found(search, choice, fleets, refused, failed, last)
+
+
+def context_of(args: argparse.Namespace, asked: Asked, runs: Any) -> DesignContext:
+    """How designs are compared in the steps after the choice."""
+    from automaton.studies.street_search.design_runs import with_design
+
+    question = asked.question
+    compared = ComparedRuns(runs, question.metric, question.is_higher_better, question.robots)
+    largest = max(question.robots, key=lambda robots: robots or 0)
+    base = asked.base(largest)
+    return DesignContext(
+        base.floor_plan,
+        lambda design: with_design(base, design),
+        compared,
+        question.seed,
+        args.workers,
+    )
 
 
 def searched_for(asked: Asked, version: str) -> dict[str, Any]:
@@ -429,6 +466,10 @@ def document_of(found: Found, asked: Asked, args: argparse.Namespace) -> ReportD
     document.add(Listed(list(answer(found, asked)), strong=True))
     if found.fleets:
         document.add(*fleet_blocks(found, question))
+    if found.finished is not None:
+        is_ascii = not (sys.stdout.encoding or "").lower().startswith("utf")
+        floor_plan = asked.base(None).floor_plan
+        document.add(*blocks_of(found.finished, floor_plan, question.metric, found.total, is_ascii))
     document.add(Heading("Search"), *search_blocks(found, question))
     document.add(Heading("Files"), Listed(list(files(found, asked, args)), mark=""))
     return document
@@ -533,10 +574,26 @@ def command_of(args: argparse.Namespace) -> str:
     words += [] if args.seed is None else ["--seed", str(args.seed)]
     words += [] if args.metric is None else ["--metric", args.metric]
     words += [f"--{name}" for name in ("minimise", "maximise") if getattr(args, name)]
+    words += ["--one-way"] if args.one_way else []
     words += ["--robots", ",".join(map(str, args.robots))] if args.robots else []
     for setting in args.settings:
         words += ["--set", setting if isinstance(setting, str) else setting.argument]
     return shlex.join(words)
+
+
+def finished_record(last: FinishedDesign | None, asked: Asked) -> dict[str, Any]:
+    """One-way streets, streets left out and reasons."""
+    if last is None:
+        return {"one_way": None, "left_out": [], "reasons": []}
+    floor_plan = asked.base(None).floor_plan
+    one_way = None
+    if last.one_way is not None:
+        numbers = ("closings", "reopened", "two_way")
+        one_way = {name: len(getattr(last.one_way, name)) for name in numbers}
+        one_way["is_kept"] = last.one_way.is_kept
+    left_out = [one.name(floor_plan) for one in last.fewer.removed if last.fewer.is_kept]
+    reasons = [reason_record(one, floor_plan) for one in last.reasons]
+    return {"one_way": one_way, "left_out": left_out, "reasons": reasons}
 
 
 def as_json(found: Found, asked: Asked, args: argparse.Namespace) -> dict[str, Any]:
@@ -570,6 +627,7 @@ def as_json(found: Found, asked: Asked, args: argparse.Namespace) -> dict[str, A
         "generations": [one._asdict() for one in found.search.generations],
         "fleets": fleets,
         "refused": found.refused,
+        **finished_record(found.finished, asked),
         "is_gain": found.holds(question),
         "failed": found.failed,
     }

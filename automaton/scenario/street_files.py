@@ -291,8 +291,8 @@ def street_table(
     _check_range(waits[:, None], 0.0, ["wait"], at, file)
     rows: list[tuple[Any, ...]] = []
     texts = [list(map(_field, of_cell)) for of_cell in moves.tolist()]
-    for cell, direction in () if closed is None else np.argwhere(closed).tolist():
-        texts[cell][direction] = CLOSED_MOVE
+    for number, direction in () if closed is None else np.argwhere(closed).tolist():
+        texts[number][direction] = CLOSED_MOVE
     for cell, of_moves, wait in zip(at, texts, waits.tolist(), strict=True):
         fields = {**dict(zip(names, of_moves, strict=True)), "wait": _field(wait)}
         if any(fields.values()):

@@ -72,6 +72,7 @@ LINES = {
     "report": "report results",
     "what-if": "what-if crossing changes.yaml --pairs 2 --workers 1",
     "bottlenecks": "bottlenecks crossing --only fleet --most 1 --pairs 2,2 --workers 1",
+    "streets": "streets crossing --out found --runs 96 --dry-run --workers 1",
     "size": "size crossing --target makespan<=5000 --robots 2 --budget 70 --workers 1",
     "tune": "tune crossing --budget 63 --workers 1 --set stop.max_duration=5",
     "reproduce": "reproduce tabletop --seeds 1 --strategies cooperative --workers 1",

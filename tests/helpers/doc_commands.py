@@ -35,6 +35,7 @@ ONLY_READ: Final = {
     "serve": "test_serve_command",
     "train": "test_training",
     "tune": "test_tuning",
+    "streets": "test_street_search",
     "bench": "test_bench",
     "compile": "test_compile_command",
     "report --plots": "test_report",

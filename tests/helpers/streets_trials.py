@@ -1,7 +1,9 @@
-"""Whether `automaton bottlenecks` finds what was planted, and nothing where nothing is.
+"""Whether `automaton bottlenecks` finds what was planted, and nothing where nothing is; whether
+`automaton streets` can be killed.
 
     python tests/helpers/streets_trials.py planted [FLOORS]
     python tests/helpers/streets_trials.py nothing [STUDIES]
+    python tests/helpers/streets_trials.py kills [KILLS]
 
 planted: small random floors with one bottleneck each, in turn a slow station, a robot that is 5 times
 slower, half of the chargers closed, a row that can be crossed at its ends only, and a single lane among
@@ -9,8 +11,10 @@ double ones. A change of it must come first on 19 of 20 floors. Of closed charge
 higher charging rate count, since both add capacity. Also prints how often the most time is lost near it.
 nothing: studies of 30 changes without effect that correlate by .6 with the unchanged scenario, on metrics
 of several distributions. At most 5 % of studies, and 2 standard errors, may find an effect.
+kills: searches of streets on a small floor that are killed at random moments and resumed; the files of
+streets and of candidates must be those of an undisturbed search, with 1 and with 2 workers.
 
-Exits with 1 if a promise is broken. The tests run both in small.
+Exits with 1 if a promise is broken. The tests run the first two in small.
 """
 
 from __future__ import annotations
@@ -18,8 +22,12 @@ from __future__ import annotations
 import contextlib
 import io
 import json
+import os
+import signal
+import subprocess
 import sys
 import tempfile
+import time
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -39,6 +47,8 @@ CHANGES = 30
 CORRELATION = 0.6
 PAIRS = (20, 100)
 SLOW = "slow"
+SEARCHED = ("streets.csv", "candidates.jsonl")
+QUIET: dict[str, Any] = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
 
 
 class Planted(NamedTuple):
@@ -282,6 +292,60 @@ def nothing_trials(studies: int = STUDIES) -> bool:
     return share <= 0.05 + error
 
 
+# Searches of streets.
+
+
+def crowd(picture: str = "........\n.##..##.\n.##..##.\n........") -> dict[str, Any]:
+    """Robots that drive to random cells of a small floor, 8 of them on 24 cells."""
+    return {
+        "name": "crowd",
+        "layout": {"picture": picture},
+        "fleet": {"robots": 8, "kinematics": "omni", "start": "random"},
+        "orders": {"generator": "tours", "assign": "round-robin", "count": 1000, "cells": "all"},
+        "strategy": {"right_of_way": "pibt"},
+        "stop": {"when": "never", "max_duration": 60},
+    }
+
+
+def killed_search(command: list[str], after_s: float) -> bool:
+    """Kill a search after some seconds; whether it was still running."""
+    with subprocess.Popen(command, start_new_session=True, **QUIET) as process:
+        try:
+            process.wait(after_s)
+            return False
+        except subprocess.TimeoutExpired:
+            os.killpg(process.pid, signal.SIGKILL)
+            return True
+
+
+def kill_trials(kills: int = 10) -> bool:
+    """Searches that are killed and resumed, against one that is not."""
+    rng = np.random.default_rng(1)
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        (folder / "crowd.yaml").write_text(json.dumps(crowd()))
+        command = [sys.executable, "-m", "automaton", "streets", str(folder / "crowd.yaml")]
+        command += ["--runs", "300"]
+        begun, found = time.monotonic(), {}
+        for workers in ("1", "2"):
+            out = folder / workers
+            subprocess.run([*command, "--out", out, "--workers", workers], check=False, **QUIET)
+            found[workers] = [(out / one).read_bytes() for one in SEARCHED]
+        lasting, killed = (time.monotonic() - begun) / 2, 0
+        for number in range(kills):
+            of_kill = [*command, "--out", str(folder / f"killed-{number}"), "--workers", "2"]
+            killed += killed_search(of_kill, float(rng.uniform(0.1, 0.9)) * lasting)
+            subprocess.run(of_kill, check=False, **QUIET)
+            found[f"kill {number}"] = [
+                (folder / f"killed-{number}" / one).read_bytes() for one in SEARCHED
+            ]
+        same = sum(files == found["1"] for files in found.values())
+    print(f"{killed} of {kills} searches killed; {same} of {len(found)} ended with the same files")
+    return same == len(found) and killed > 0
+
+
 if __name__ == "__main__":
-    trial = {"planted": planted_trials, "nothing": nothing_trials}[sys.argv[1]]
+    trial = {"kills": kill_trials, "planted": planted_trials, "nothing": nothing_trials}[
+        sys.argv[1]
+    ]
     sys.exit(0 if trial(*map(int, sys.argv[2:])) else 1)

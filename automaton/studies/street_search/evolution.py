@@ -81,7 +81,7 @@ class SearchQuestion(NamedTuple):
         value = row.get(self.metric)
         if row["error"] is not None or not row["finished"] or value is None:
             return -math.inf
-        return value if self.is_higher_better else -value
+        return float(value) if self.is_higher_better else -float(value)
 
 
 class NamedDesign(NamedTuple):
@@ -149,7 +149,8 @@ class Stage:
         logs = np.log(np.maximum(design.moves.reshape(-1), 1) / WEIGHT_UNIT)
         wait = np.log(np.maximum(design.waits, 1) / WEIGHT_UNIT).mean()
         found = np.array([*(logs[moves].mean() for moves in self.groups), wait])
-        return np.clip(found, -LARGEST, LARGEST)
+        numbers: Numbers = np.clip(found, -LARGEST, LARGEST)
+        return numbers
 
 
 def moves_of_rows(floor_plan: FloorPlan) -> Iterator[NDArray[np.int64]]:

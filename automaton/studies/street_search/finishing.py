@@ -9,7 +9,6 @@ from collections.abc import Callable, Sequence
 from typing import Final, NamedTuple
 
 from automaton.floor.floor_plan import FloorPlan
-from automaton.studies.process_pool import OnDone, run_jobs
 from automaton.studies.street_search.designs import StreetDesign
 from automaton.studies.street_search.one_way import NeededWays, OneWay, flow_of, one_way
 from automaton.studies.street_search.reasons import (
@@ -48,7 +47,6 @@ class DesignContext(NamedTuple):
     compared: ComparedRuns
     seed: int
     workers: int | None  # for the runs that count lead times
-    on_done: OnDone | None = None
 
     def seeds(self, purpose: str, number: int) -> list[int]:
         """Seeds that serve one purpose only."""
@@ -58,11 +56,20 @@ class DesignContext(NamedTuple):
         self, designs: Sequence[StreetDesign], seeds: Sequence[int]
     ) -> list[list[LeadTimes]]:
         """What `lead_times_by_group` counts, by design and seed."""
-        scenarios = [self.with_design(design) for design in designs]
-        jobs = [(resolved, seed) for resolved in scenarios for seed in seeds]
-        results = run_jobs(jobs, self.workers, self.on_done, lead_times_by_group)
-        sums = [dict(one.metrics) for one in results]
-        return [list(sums[k : k + len(seeds)]) for k in range(0, len(sums), len(seeds))]
+        from automaton.studies.process_pool import PersistentPool  # needs Numba
+
+        sums: list[list[LeadTimes]] = []
+        with PersistentPool(self.workers, lead_times_by_group) as pool:
+            for design in designs:
+                resolved = self.with_design(design)
+                sums.append([one.metrics for one in pool.run([(resolved, seed) for seed in seeds])])
+        return sums
+
+
+def most_runs(streets: int, is_one_way: bool) -> int:
+    """The most runs of these steps for a design with this number of streets at most."""
+    tried = SELECT_RUNS_EACH * (1 + streets) + 2 * LOSS_PAIRS if is_one_way else 0
+    return tried + REASON_PAIRS * (1 + streets) + 2 * SELECT_RUNS_EACH
 
 
 def finished(design: StreetDesign, context: DesignContext, is_one_way: bool) -> FinishedDesign:

@@ -8,20 +8,29 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from automaton.documents.report_document import Listed, Table
+from automaton.documents.report_document import (
+    Block,
+    CharacterPicture,
+    Heading,
+    Listed,
+    Table,
+    Text,
+)
 from automaton.floor.floor_plan import FloorPlan
 from automaton.studies.street_search.designs import StreetDesign
+from automaton.studies.street_search.finishing import FinishedDesign
 from automaton.studies.street_search.one_way import OneWay, with_closed
 from automaton.studies.street_search.reasons import (
     FewerStreets,
     GroupChange,
     Reason,
     change_text,
+    share_of,
     sum_of_largest,
 )
 
@@ -31,6 +40,8 @@ NO_DIRECTION: Final = ("·", ".")
 OBSTACLE: Final = "#"
 LEAST_FACTOR: Final = 1.25  # by which the move back costs more, for an arrow
 LARGEST_FACTOR: Final = 8.0
+MOST_LISTED: Final = 40  # streets of the table
+LARGEST_FLOOR: Final = (120, 80)  # columns and rows of a floor that is drawn
 
 
 def drawn_streets(design: StreetDesign, floor_plan: FloorPlan, ascii_only: bool) -> list[str]:
@@ -74,6 +85,63 @@ def arrows(
     return np.where(is_weak, -1, direction), back_closed[cells, direction] & ~is_weak
 
 
+def blocks_of(
+    last: FinishedDesign,
+    floor_plan: FloorPlan,
+    metric: str,
+    total: float | None,
+    ascii_only: bool,
+) -> Iterator[Block]:
+    """The drawn streets, what was closed and left out, and what each street is worth.
+
+    `total`: what all streets together gain, in shares.
+    """
+    yield Heading("Streets")
+    changes = [] if last.one_way is None else [one_way_words(last.one_way)]
+    yield Listed([*changes, fewer_words(last.fewer)], mark="")
+    if floor_plan.width <= LARGEST_FLOOR[0] and floor_plan.height <= LARGEST_FLOOR[1]:
+        kind = 1 if ascii_only else 0
+        soft, closed = (" ".join(signs[kind]) for signs in (SOFT, CLOSED_BACK))
+        yield Text(f"{soft}: the move back costs more; {closed}: it is closed.")
+        rows = drawn_streets(last.design, floor_plan, ascii_only)
+        yield CharacterPicture([[(row, "")] for row in rows])
+    yield Heading("Reasons")
+    yield Text(HOW_COMPARED)
+    yield reasons_in_words(last.reasons, floor_plan, metric, total)
+    yield reasons_table(last.reasons, floor_plan, metric)
+    if len(last.reasons) > MOST_LISTED:
+        yield Text(f"The {MOST_LISTED} streets with the largest effects; --json has all.")
+
+
+HOW_COMPARED: Final = (
+    "Each street is compared in pairs of runs with the design where both of its directions cost the same "
+    "and are open. Intervals hold for all streets together (95 %, Bonferroni)."
+)
+
+
+def reason_record(reason: Reason, floor_plan: FloorPlan) -> dict[str, Any]:
+    """A reason for JSON output; changes in shares."""
+    worth = None
+    if reason.worth is not None:
+        worth = interval_record(share_of(reason.worth))
+    groups = {"saves": reason.saves, "costs": reason.costs}
+    return {
+        "street": reason.street.name(floor_plan),
+        "cheaper": reason.street.preference,
+        "worth": worth,
+        "has_effect": reason.has_effect,
+        **{
+            key: one and {"orders": one.name, "lead_time": interval_record(one.change)}
+            for key, one in groups.items()
+        },
+    }
+
+
+def interval_record(change: Any) -> dict[str, float | None]:
+    """A change with its interval."""
+    return {"value": change.value, "low": change.low, "high": change.high}
+
+
 # Reasons.
 
 
@@ -89,12 +157,12 @@ def sentence(reason: Reason, floor_plan: FloorPlan) -> str:
 
 
 def worth_words(reason: Reason) -> str:
-    """What a street is worth, or that it has no effect."""
+    """What a street is worth, and whether that is significant."""
     if reason.worth is None:
         return "too few runs finished"
     if reason.has_effect:
         return change_text(reason.worth)
-    return f"no effect ({change_text(reason.worth)})"
+    return f"{change_text(reason.worth)}, not significant"
 
 
 def group_words(group: GroupChange) -> str:
@@ -104,9 +172,11 @@ def group_words(group: GroupChange) -> str:
 
 
 def reasons_table(ranked: Sequence[Reason], floor_plan: FloorPlan, metric: str) -> Table:
-    """The streets, the largest gain first, with what each is worth."""
+    """The streets with the largest effects, the largest gain first, with what each is worth."""
+    largest = sorted(ranked, key=lambda one: -abs(one.gain))[:MOST_LISTED]
     rows = [
-        [one.street.name(floor_plan), one.street.preference, worth_words(one)] for one in ranked
+        [one.street.name(floor_plan), one.street.preference, worth_words(one)]
+        for one in sorted(largest, key=lambda one: -one.gain)
     ]
     return Table(("street", "cheaper", metric), rows, left=2, also_left=(2,))
 
@@ -122,7 +192,7 @@ def reasons_in_words(
 def summary(ranked: Sequence[Reason], metric: str, total: float | None) -> Iterator[str]:
     """How many streets have an effect, and their sum beside the gain of the design."""
     number = sum(one.has_effect for one in ranked)
-    yield f"{number:,} of {len(ranked):,} streets have an effect on {metric}"
+    yield f"{number:,} of {len(ranked):,} streets have a significant effect on {metric}"
     if total is not None and ranked:
         largest = min(10, len(ranked))
         text = f"the {largest} largest gains add up to {100 * sum_of_largest(ranked):+.1f} %"

@@ -139,4 +139,4 @@ def compared(pairs: Sequence[tuple[Row, Row]], metric: str) -> Effect | None:
     ]
     if len(both) < 2:
         return None
-    return effect(*zip(*both, strict=True), paired=True)
+    return effect([one for one, _ in both], [other for _, other in both], paired=True)

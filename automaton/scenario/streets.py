@@ -120,6 +120,11 @@ def streets_on(
     return weights
 
 
+def crisscross_on(floor_plan: FloorPlan, phase: tuple[int, int]) -> StreetWeights:
+    """The weights of the crisscross pattern with a phase."""
+    return streets_on(floor_plan, StreetPlan(preset="crisscross", phase=phase))
+
+
 def enter_crisscross(weights: StreetWeights, plan: StreetPlan) -> None:
     """Rows run east and west in turn, columns south and north."""
     floor_plan = weights.floor_plan

@@ -321,7 +321,9 @@ def searched(args: argparse.Namespace, asked: Asked) -> Found:
                 )
             search = evolution.Search(question, floor_plan, asked.as_it_is, runs, log).run()
             choice = verdict.choose(question, search.finalists, runs)
-            last, (fleets, refused) = None, ([], [])
+            last: FinishedDesign | None = None
+            fleets: list[verdict.FleetVerdict] = []
+            refused: list[str] = []
             if choice.place:
                 chosen = search.finalists[choice.place].design
                 last = finished(chosen, context_of(args, asked, runs), args.one_way)

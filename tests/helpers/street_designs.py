@@ -38,12 +38,13 @@ def design_of(floor_plan: FloorPlan, *streets: tuple[str, int, str, float]) -> S
     cells = floor_plan.kind.size
     moves = np.full((cells, 4), 100, np.int32)
     for axis, line, way, weight in streets:
+        direction = DIRECTIONS.index(way)
         along = [
             cell
-            for cell in np.flatnonzero(floor_plan.drivable).tolist()
+            for cell in np.flatnonzero(floor_plan.exits.reshape(-1) >> direction & 1).tolist()
             if floor_plan.xy(cell)[1 if axis == "row" else 0] == line
         ]
-        moves[along, DIRECTIONS.index(way)] = round(100 * weight)
+        moves[along, direction] = round(100 * weight)
     return StreetDesign(moves, np.full(cells, 100, np.int32), np.zeros((cells, 4), np.bool_))
 
 

@@ -101,10 +101,10 @@ def test_streets_without_effect_are_in_the_table_and_not_in_the_sentences() -> N
     table = reasons_table([useful, useless], floor_plan, "throughput")
     assert [row[-1] for row in table.rows] == [
         "+2.0 % (+1.8 to +2.2)",
-        "no effect (+0.0 % (-0.2 to +0.2))",
+        "+0.0 % (-0.2 to +0.2), not significant",
     ]
     items = reasons_in_words([useful, useless], floor_plan, "throughput", 0.03).items
-    assert len(items) == 3 and items[1] == "1 of 2 streets have an effect on throughput"
+    assert len(items) == 3 and items[1] == "1 of 2 streets have a significant effect on throughput"
     assert items[2] == ("the 2 largest gains add up to +2.0 %; all streets together gain +3.0 %")
 
 

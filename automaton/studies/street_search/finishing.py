@@ -56,18 +56,19 @@ class DesignContext(NamedTuple):
         self, designs: Sequence[StreetDesign], seeds: Sequence[int]
     ) -> list[list[LeadTimes]]:
         """What `lead_times_by_group` counts, by design and seed."""
-        from automaton.studies.process_pool import run_jobs  # needs Numba
+        from automaton.studies.process_pool import PersistentPool  # needs Numba
 
-        scenarios = [self.with_design(design) for design in designs]
-        jobs = [(resolved, seed) for resolved in scenarios for seed in seeds]
-        results = run_jobs(jobs, self.workers, run_function=lead_times_by_group)
-        sums = [dict(one.metrics) for one in results]
-        return [list(sums[k : k + len(seeds)]) for k in range(0, len(sums), len(seeds))]
+        sums: list[list[LeadTimes]] = []
+        with PersistentPool(self.workers, lead_times_by_group) as pool:
+            for design in designs:
+                resolved = self.with_design(design)
+                sums.append([one.metrics for one in pool.run([(resolved, seed) for seed in seeds])])
+        return sums
 
 
 def most_runs(streets: int, is_one_way: bool) -> int:
     """The most runs of these steps for a design with this number of streets at most."""
-    tried = SELECT_RUNS_EACH * streets + 2 * LOSS_PAIRS if is_one_way else 0
+    tried = SELECT_RUNS_EACH * (1 + streets) + 2 * LOSS_PAIRS if is_one_way else 0
     return tried + REASON_PAIRS * (1 + streets) + 2 * SELECT_RUNS_EACH
 
 

@@ -22,9 +22,8 @@ from numpy.typing import NDArray
 from automaton.floor.floor_plan import STORAGE, FloorPlan
 from automaton.floor.reachability import has_storage, reached_along, to_and_from
 from automaton.scenario.robot_types import RobotType, floor_by_type, rows_of
-from automaton.studies.inference.intervals import Effect
 from automaton.studies.street_search.designs import StreetDesign, Stretch, stretches
-from automaton.studies.street_search.reasons import ComparedRuns, edges_of, move_ratio
+from automaton.studies.street_search.reasons import Change, ComparedRuns, edges_of, move_ratio
 from automaton.world.floor_parts import places_of, queue_path
 from automaton.world.resolved import Resolved
 
@@ -169,7 +168,7 @@ class OneWay(NamedTuple):
     closings: tuple[ClosedDirection, ...]  # of the one-way design
     reopened: tuple[ClosedDirection, ...]  # better open
     two_way: tuple[ClosedDirection, ...]  # would cut off ways that robots need
-    change: Effect | None  # of the metric against the design as it was; None: nothing to compare
+    change: Change | None  # of the metric against the design as it was; None: nothing to compare
     is_kept: bool
 
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from typing import Any, Final, NamedTuple
+from typing import Any, Final, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,6 +38,7 @@ PARTS: Final = (
     *("south-west", "south", "south-east"),
 )
 Cells = NDArray[np.int64]
+Change: TypeAlias = Effect  # of a metric between two designs
 LeadTimes = Mapping[str, float]  # of a run: ticks and numbers of its orders by group
 
 

@@ -40,6 +40,7 @@ NO_DIRECTION: Final = ("·", ".")
 OBSTACLE: Final = "#"
 LEAST_FACTOR: Final = 1.25  # by which the move back costs more, for an arrow
 LARGEST_FACTOR: Final = 8.0
+MOST_LISTED: Final = 40  # streets of the table
 LARGEST_FLOOR: Final = (120, 80)  # columns and rows of a floor that is drawn
 
 
@@ -108,6 +109,8 @@ def blocks_of(
     yield Text(HOW_COMPARED)
     yield reasons_in_words(last.reasons, floor_plan, metric, total)
     yield reasons_table(last.reasons, floor_plan, metric)
+    if len(last.reasons) > MOST_LISTED:
+        yield Text(f"The {MOST_LISTED} streets with the largest effects; --json has all.")
 
 
 HOW_COMPARED: Final = (
@@ -154,12 +157,12 @@ def sentence(reason: Reason, floor_plan: FloorPlan) -> str:
 
 
 def worth_words(reason: Reason) -> str:
-    """What a street is worth, or that it has no effect."""
+    """What a street is worth, and whether that is significant."""
     if reason.worth is None:
         return "too few runs finished"
     if reason.has_effect:
         return change_text(reason.worth)
-    return f"no effect ({change_text(reason.worth)})"
+    return f"{change_text(reason.worth)}, not significant"
 
 
 def group_words(group: GroupChange) -> str:
@@ -169,9 +172,11 @@ def group_words(group: GroupChange) -> str:
 
 
 def reasons_table(ranked: Sequence[Reason], floor_plan: FloorPlan, metric: str) -> Table:
-    """The streets, the largest gain first, with what each is worth."""
+    """The streets with the largest effects, the largest gain first, with what each is worth."""
+    largest = sorted(ranked, key=lambda one: -abs(one.gain))[:MOST_LISTED]
     rows = [
-        [one.street.name(floor_plan), one.street.preference, worth_words(one)] for one in ranked
+        [one.street.name(floor_plan), one.street.preference, worth_words(one)]
+        for one in sorted(largest, key=lambda one: -one.gain)
     ]
     return Table(("street", "cheaper", metric), rows, left=2, also_left=(2,))
 
@@ -187,7 +192,7 @@ def reasons_in_words(
 def summary(ranked: Sequence[Reason], metric: str, total: float | None) -> Iterator[str]:
     """How many streets have an effect, and their sum beside the gain of the design."""
     number = sum(one.has_effect for one in ranked)
-    yield f"{number:,} of {len(ranked):,} streets have an effect on {metric}"
+    yield f"{number:,} of {len(ranked):,} streets have a significant effect on {metric}"
     if total is not None and ranked:
         largest = min(10, len(ranked))
         text = f"the {largest} largest gains add up to {100 * sum_of_largest(ranked):+.1f} %"

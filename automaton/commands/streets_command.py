@@ -8,8 +8,6 @@ from __future__ import annotations
 
 import argparse
 import math
-import os
-import re
 import shlex
 import sys
 from collections.abc import Callable, Iterator
@@ -18,12 +16,11 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-import yaml
 
-from automaton.atomic_write import atomic_writer
 from automaton.commands.arguments import (
     HTML,
     TEXT,
+    Output,
     add_json_argument,
     add_scenario_arguments,
     add_timeout_argument,
@@ -31,7 +28,7 @@ from automaton.commands.arguments import (
     note,
     print_document,
     print_json,
-    rendered,
+    print_warnings,
     settings_of,
     whole,
 )
@@ -48,15 +45,12 @@ from automaton.documents.report_document import (
     Text,
 )
 from automaton.errors import InputError
-from automaton.floor.floor_plan import DIRECTIONS, WEIGHT_UNIT
 from automaton.scenario.document import Document, Override
-from automaton.scenario.reading import document_of as scenario_document
-from automaton.scenario.street_files import street_table
-from automaton.scenario.streets import streets_on
 from automaton.studies.reports.comparison_tables import relative_text
 from automaton.studies.reports.comparisons import direction_of
 from automaton.studies.reports.study_results import described
 from automaton.studies.street_search import evolution, verdict
+from automaton.studies.street_search.candidates import CandidateLog
 from automaton.studies.street_search.designs import StreetDesign, stretches
 from automaton.studies.street_search.evolution import SearchQuestion
 from automaton.studies.street_search.finishing import (
@@ -66,15 +60,17 @@ from automaton.studies.street_search.finishing import (
     most_runs,
 )
 from automaton.studies.street_search.reasons import ComparedRuns
+from automaton.studies.street_search.street_output import (
+    STREETS_FILE,
+    scenario_path,
+    write_scenario,
+    write_streets,
+)
 from automaton.studies.street_search.street_report import blocks_of, reason_record
-from automaton.studies.sweeps.run_keys import fingerprint
-from automaton.studies.sweeps.sweep_plan import SweepPlan, files_at, make_sweep_plan, texts_of
-from automaton.tables.table_run import ScenarioDumper
+from automaton.studies.sweeps.sweep_plan import SweepPlan, make_sweep_plan
 from automaton.units import count
 from automaton.world.resolve import Resolved, resolve
-from automaton.world.scenario_warnings import street_warnings
 
-STREETS_FILE = "streets.csv"
 REPORTS = (("report.txt", TEXT), ("report.html", HTML))
 MAX_RUNS = 10_000_000
 NO_STREETS = Override("streets=null", ("streets",), None)
@@ -172,11 +168,12 @@ def run(args: argparse.Namespace) -> int:
         raise InputError("is not a folder", str(args.out))
     found = searched(args, asked)
     if found.finished is not None:
-        write_streets(args, asked, found.finished.design)
+        write_streets(args.out, asked.base(None).floor_plan, found.finished.design)
+        seed = () if args.seed is None else (Override("--seed", ("seed",), args.seed),)
+        write_scenario(path_of(args, asked), args.scenario, (*settings_of(args), *seed))
     document = document_of(found, asked, args)
     for name, form in REPORTS:
-        with atomic_writer(args.out / name) as file:
-            file.write(rendered(form, lambda: document, dict).encode())
+        Output(form, args.out / name).write(lambda: document, dict)
     if args.json:
         print_json(as_json(found, asked, args))
     else:
@@ -188,6 +185,8 @@ def run(args: argparse.Namespace) -> int:
 
 def asked_of(args: argparse.Namespace) -> Asked:
     """The question of the arguments. Raises InputError."""
+    from automaton.studies.street_search.design_runs import with_design  # needs Numba
+
     settings = settings_of(args)
     resolved = resolve(args.scenario, settings, args.seed).unrefined
     scenario = resolved.scenario
@@ -204,23 +203,14 @@ def asked_of(args: argparse.Namespace) -> Asked:
         return resolve(args.scenario, (*settings, NO_STREETS, kept, *more), args.seed).unrefined
 
     floor_plan = base(None).floor_plan
-    weights = streets_on(floor_plan, scenario.streets)
-    as_it_is = StreetDesign(weights.moves, weights.waits, weights.closed)
-    check_reads_weights(args, base(None), evolution.crisscross(floor_plan, (0, 0), as_it_is))
+    as_it_is = evolution.design_of(floor_plan, scenario.streets)
+    crossing = evolution.crisscross(floor_plan, (0, 0), as_it_is)
+    print_warnings(with_design(base(None), crossing))
     question, plan = question_of(args, resolved)
     stages_of(question)  # refuses too few runs
     for robots in question.robots:
         base(robots)
     return Asked(question, resolved, base, as_it_is, plan)
-
-
-def check_reads_weights(args: argparse.Namespace, resolved: Resolved, design: StreetDesign) -> None:
-    """Raise InputError if no strategy of the scenario reads weights of moves."""
-    from automaton.studies.street_search.design_runs import with_design
-
-    for warning in street_warnings(with_design(resolved, design)):
-        if "may not read them" in warning:
-            raise InputError(f"no weights can help: {warning}", args.scenario)
 
 
 def question_of(args: argparse.Namespace, resolved: Resolved) -> tuple[SearchQuestion, SweepPlan]:
@@ -324,9 +314,7 @@ def searched(args: argparse.Namespace, asked: Asked) -> Found:
             args.strategy_timeout,
         )
         with begun as runs:
-            log = evolution.CandidateLog(
-                args.out, searched_for(asked, runs.version), args.recompute
-            )
+            log = CandidateLog(args.out, searched_for(asked, runs.version), args.recompute)
             if log.damaged_from is not None:
                 note(
                     f"{log.path} is damaged; the search goes on from generation {log.damaged_from}"
@@ -365,7 +353,7 @@ def searched_for(asked: Asked, version: str) -> dict[str, Any]:
     """What determines the candidates of a search."""
     question = asked.question
     return {
-        "scenario": fingerprint(asked.resolved),
+        "scenario": asked.plan.manifest.points[0].fingerprint,
         "code": version,
         "seed": question.seed,
         "--runs": question.runs,
@@ -391,58 +379,6 @@ def judged(
             continue
         fleets.append(verdict.judge(question, asked.as_it_is, design, runs, robots, robots == own))
     return fleets, refused
-
-
-# Results in the folder.
-
-
-def write_streets(args: argparse.Namespace, asked: Asked, design: StreetDesign) -> None:
-    """Write the file of streets, and the scenario with it."""
-    floor_plan = asked.base(None).floor_plan
-    cells = np.flatnonzero(floor_plan.drivable).tolist()
-    text = street_table(
-        DIRECTIONS,
-        design.moves[cells] / WEIGHT_UNIT,
-        design.waits[cells] / WEIGHT_UNIT,
-        [floor_plan.xy(cell) for cell in cells],
-        STREETS_FILE,
-        design.closed[cells],
-    )
-    with atomic_writer(args.out / STREETS_FILE) as file:
-        file.write(text.encode())
-    with atomic_writer(scenario_path(args, asked)) as file:
-        file.write(scenario_text(args).encode())
-
-
-def scenario_path(args: argparse.Namespace, asked: Asked) -> Path:
-    """The file of the scenario with the streets."""
-    name = re.sub(r"[^\w.-]+", "-", asked.resolved.scenario.name).strip("-.") or "scenario"
-    out: Path = args.out
-    return out / f"{name}-streets.yaml"
-
-
-def scenario_text(args: argparse.Namespace) -> str:
-    """The scenario with the file of streets, as YAML; its own files are named from the folder."""
-    seeded = () if args.seed is None else (Override(f"--seed {args.seed}", ("seed",), args.seed),)
-    document = scenario_document(args.scenario, (*settings_of(args), *seeded))
-    data = {**document.data, "streets": {"file": STREETS_FILE}}
-    names = {
-        text: os.path.relpath(found[0].parent / os.path.basename(text), args.out)
-        for text in texts_of({key: value for key, value in data.items() if key != "streets"})
-        if not os.path.isabs(text) and (found := files_at(text, [document.folder]))
-    }
-    return yaml.dump(
-        renamed(data, names), Dumper=ScenarioDumper, sort_keys=False, allow_unicode=True
-    )
-
-
-def renamed(data: Any, names: dict[str, str]) -> Any:
-    """Data with other names of files."""
-    if isinstance(data, dict):
-        return {key: renamed(value, names) for key, value in data.items()}
-    if isinstance(data, list | tuple):
-        return [renamed(value, names) for value in data]
-    return names.get(data, data) if isinstance(data, str) else data
 
 
 # The report.
@@ -558,10 +494,15 @@ def search_blocks(found: Found, question: SearchQuestion) -> Iterator[Block]:
     )
 
 
+def path_of(args: argparse.Namespace, asked: Asked) -> Path:
+    """The file of the scenario with the streets."""
+    return scenario_path(args.out, asked.resolved.scenario.name)
+
+
 def files(found: Found, asked: Asked, args: argparse.Namespace) -> Iterator[str]:
     """What the folder has, and the command that repeats the search."""
     if found.choice.place:
-        path = scenario_path(args, asked)
+        path = path_of(args, asked)
         yield f"streets: {args.out / STREETS_FILE}; scenario with them: {path}"
         yield f"watch: automaton watch {shlex.quote(str(path))}"
     yield f"repeat: {command_of(args)}"

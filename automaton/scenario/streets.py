@@ -173,6 +173,11 @@ def rules_in_words(floor_plan: FloorPlan, streets: Streets | None) -> str:
     return f"streets: {', '.join(parts)}" if parts else ""
 
 
+def crisscross_on(floor_plan: FloorPlan, phase: tuple[int, int]) -> StreetWeights:
+    """The weights of the crisscross pattern with a phase."""
+    return streets_on(floor_plan, StreetPlan(preset="crisscross", phase=phase))
+
+
 def enter_crisscross(weights: StreetWeights, plan: StreetPlan) -> None:
     """Rows run east and west in turn, columns south and north."""
     floor_plan = weights.floor_plan

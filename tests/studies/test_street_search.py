@@ -17,10 +17,10 @@ from automaton.commands import main, sweep_command
 from automaton.scenario.street_files import street_table, streets_of_text
 from automaton.scenario.streets import UNIT, StreetWeights, streets_on
 from automaton.studies.street_search import evolution, finishing, verdict
+from automaton.studies.street_search.candidates import CANDIDATES_FILE
 from automaton.studies.street_search.designs import StreetDesign, stretches
 from automaton.studies.street_search.evolution import (
     AS_IT_IS,
-    CANDIDATES_FILE,
     ROWS,
     STRETCHES,
     NamedDesign,

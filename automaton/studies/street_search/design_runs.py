@@ -20,7 +20,6 @@ from automaton.studies.sweeps.result_store import Writer, lock_folder
 from automaton.studies.sweeps.run_keys import Manifest, PlannedPoint, SweepRun, Windows, run_key
 from automaton.studies.sweeps.run_keys import Row as StoredRow
 from automaton.studies.sweeps.run_keys import fingerprint as fingerprint_of
-from automaton.studies.sweeps.study import POINT_NAME, Point, metric_names
 from automaton.studies.sweeps.sweep_plan import SweepPlan
 from automaton.studies.sweeps.sweep_session import (
     Coordinator,
@@ -30,8 +29,6 @@ from automaton.studies.sweeps.sweep_session import (
     open_results,
 )
 from automaton.world.resolved import Resolved, in_fine_ticks
-
-ABOUT_RUN = ("finished", "error", "seed", "ticks", "orders", "delivered", "digest", "jam")
 
 
 class SeededRuns(Manifest, frozen=True):
@@ -108,11 +105,15 @@ class DesignRuns:
     def _plan(self, scenarios: Sequence[Resolved], marks: Sequence[str]) -> SweepPlan:
         """The plan of some designs; its manifest has no seeds yet."""
         usual = self.plan.manifest
-        name = self.plan.points[0].scenario
+        first = self.plan.points[0]
         fields = {key: getattr(usual, key) for key in Manifest.__struct_fields__}
-        fields["points"] = tuple(PlannedPoint(name, {}, mark, Windows(), 0) for mark in marks)
+        fields["points"] = tuple(
+            PlannedPoint(first.scenario, {}, mark, Windows(), 0) for mark in marks
+        )
         points = tuple(
-            Point(number, name, {POINT_NAME: f"design {number + 1}"})
+            first._replace(
+                number=number, levels=dict.fromkeys(first.levels, f"design {number + 1}")
+            )
             for number in range(len(marks))
         )
         return self.plan._replace(
@@ -120,9 +121,9 @@ class DesignRuns:
         )
 
 
-def about(row: dict[str, Any], metrics: dict[str, Any], names: Sequence[str]) -> Row:
+def by_name(row: StoredRow, names: Sequence[str]) -> Row:
     """The metrics and results of a run by name; None for those that it does not have."""
-    return {name: metrics.get(name) for name in names} | {key: row.get(key) for key in ABOUT_RUN}
+    return {**dict.fromkeys(names), **row, **row.get("metrics", {})}
 
 
 @contextlib.contextmanager
@@ -140,11 +141,10 @@ def design_runs(
 
     `plan`: the study of the scenario as it is, with which the folder must agree.
     """
-    names = metric_names(plan.manifest.counted)
     rows: dict[str, Row] = {}
 
     def keep(finished: list[StoredRow]) -> None:
-        rows.update((row["key"], about(row, row["metrics"], names)) for row in finished)
+        rows.update((row["key"], by_name(row, store.schema.names)) for row in finished)
         on_rows(finished)
 
     with lock_folder(folder):
@@ -152,7 +152,7 @@ def design_runs(
         begun, _ = load_existing(store, False, False, None)
         for row in store.every_row():
             if row["key"] not in rows or row["error"] is None:
-                rows[row["key"]] = about(row, row, names)
+                rows[row["key"]] = row
         on_begun(begun._replace(done=len(rows)))
         writer = DesignWriter(store)
         try:

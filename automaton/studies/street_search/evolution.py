@@ -11,11 +11,8 @@ are written to a file before they run, so that a search that was cut off continu
 
 from __future__ import annotations
 
-import json
 import math
-import os
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from pathlib import Path
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any, Final, NamedTuple
 
 import numpy as np
@@ -23,10 +20,11 @@ from numpy.typing import NDArray
 
 from automaton.errors import InputError
 from automaton.floor.floor_plan import WEIGHT_UNIT, FloorPlan
-from automaton.scenario.changing_floor import StreetPlan
-from automaton.scenario.streets import StreetWeights, streets_on
+from automaton.scenario.changing_floor import Streets
+from automaton.scenario.streets import StreetWeights, crisscross_on, streets_on
+from automaton.studies.street_search.candidates import CandidateLog
 from automaton.studies.street_search.designs import Row, StreetDesign, StreetRuns, stretches
-from automaton.studies.sweeps.run_keys import hashed, seed_of
+from automaton.studies.sweeps.run_keys import seed_of
 
 Numbers = NDArray[np.float64]
 
@@ -42,7 +40,6 @@ RESAMPLING: Final = 10  # tries to draw numbers within their limits, before they
 START_RUNS: Final = 8
 FINALIST_EVERY: Final = 10  # generations
 AS_IT_IS: Final = "as it is"
-CANDIDATES_FILE: Final = "candidates.jsonl"
 INSTALL: Final = "pip install 'fleet-automaton[optimize]'"
 
 
@@ -75,6 +72,10 @@ class SearchQuestion(NamedTuple):
                 f"--runs {self.runs}",
             )
         return first, later
+
+    def seeds(self, purpose: str, number: int) -> list[int]:
+        """Seeds that serve one purpose only."""
+        return [seed_of(f"{self.seed} {purpose} {r}") for r in range(number)]
 
     def value(self, row: Row) -> float:
         """The metric of a run such that more is better; -inf without one, or if it did not finish."""
@@ -115,11 +116,17 @@ def start_phases() -> tuple[tuple[int, int] | None, ...]:
     return None, (0, 0), (0, 1), (1, 0), (1, 1)
 
 
+def design_of(floor_plan: FloorPlan, streets: Streets | None) -> StreetDesign:
+    """The streets of a scenario on its floor without streets."""
+    weights = streets_on(floor_plan, streets)
+    return StreetDesign(weights.moves, weights.waits, weights.closed)
+
+
 def crisscross(
     floor_plan: FloorPlan, phase: tuple[int, int], as_it_is: StreetDesign
 ) -> StreetDesign:
     """Rows run east and west in turn, columns south and north; closed moves stay closed."""
-    weights = streets_on(floor_plan, StreetPlan(preset="crisscross", phase=phase))
+    weights = crisscross_on(floor_plan, phase)
     return StreetDesign(weights.moves, weights.waits, as_it_is.closed)
 
 
@@ -169,81 +176,6 @@ def moves_of_stretches(floor_plan: FloorPlan) -> Iterator[NDArray[np.int64]]:
         yield 4 * cells[1:] + (stretch.along ^ 2)
 
 
-# The file of candidates.
-
-
-class CandidateLog:
-    """The candidates of each generation, in a file, where a line is one generation.
-
-    `asked`: what determines the candidates. A damaged line and those after it are dropped.
-    Raises InputError for a file of another search.
-    """
-
-    def __init__(self, folder: Path, asked: dict[str, Any], recompute: bool = False) -> None:
-        self.path = folder / CANDIDATES_FILE
-        self.damaged_from: int | None = None  # the first generation that was lost
-        lines = self.path.read_bytes().splitlines() if self.path.exists() else []
-        records = [record_of(line) for line in lines]
-        before = records[0] if records else None
-        if before is not None and not recompute:
-            check_same(before, asked, self.path)
-        if records and before is None and not recompute:
-            self.damaged_from = 1
-        self.generations: list[Numbers] = []
-        for number, record in enumerate(records[1:] if before == asked else (), 1):
-            if record is None or record.get("generation") != number:
-                self.damaged_from = number
-                break
-            self.generations.append(np.array(record["numbers"]))
-        kept = [line_of(asked)]
-        kept += [line_of(known) for known in map(self._record, range(len(self.generations)))]
-        self._replace(kept)
-
-    def _record(self, index: int) -> dict[str, Any]:
-        return {"generation": index + 1, "numbers": self.generations[index].tolist()}
-
-    def _replace(self, lines: Iterable[str]) -> None:
-        part = self.path.with_name(f"{self.path.name}.writing")
-        part.write_text("".join(lines), encoding="utf-8")
-        os.replace(part, self.path)
-
-    def candidates(self, number: int, sample: Callable[[], Numbers]) -> Numbers:
-        """The candidates of a generation (from 1): those of the file, else sampled and written."""
-        if number > len(self.generations):
-            self.generations.append(sample())
-            with self.path.open("a", encoding="utf-8") as file:
-                file.write(line_of(self._record(number - 1)))
-                file.flush()
-                os.fsync(file.fileno())
-        return self.generations[number - 1]
-
-
-def line_of(record: dict[str, Any]) -> str:
-    """A record as a line, with a checksum."""
-    return json.dumps({**record, "checksum": hashed(record)}) + "\n"
-
-
-def record_of(line: bytes) -> dict[str, Any] | None:
-    """The record of a line without its checksum; None if it is damaged."""
-    try:
-        record = json.loads(line)
-        checksum = record.pop("checksum")
-    except (ValueError, AttributeError, KeyError, TypeError):
-        return None
-    return record if checksum == hashed(record) else None
-
-
-def check_same(before: dict[str, Any], asked: dict[str, Any], path: Path) -> None:
-    """Raise InputError if the candidates are those of another search."""
-    for key, value in asked.items():
-        if before.get(key) != value:
-            raise InputError(
-                f"holds the candidates of a search with {key} {before.get(key)}, not {value}; use "
-                "another folder, or --recompute to search again",
-                str(path),
-            )
-
-
 # The search.
 
 
@@ -286,15 +218,14 @@ class Search:
 
     def _start(self) -> tuple[StreetDesign, bool]:
         """The best of the start designs, and whether it is without weights."""
-        seed = self.question.seed
         for phase in start_phases():
             name, design = AS_IT_IS, self.as_it_is
             if phase is not None:
                 name = f"crisscross, phase {list(phase)}"
                 design = crisscross(self.floor_plan, phase, self.as_it_is)
             self.finalists.append(NamedDesign(name, design))
-        seeds = [seed_of(f"{seed} start {r}") for r in range(START_RUNS)]
-        values = self._values([one.design for one in self.finalists], seeds)
+        designs = [one.design for one in self.finalists]
+        values = self._values(designs, self.question.seeds("start", START_RUNS))
         self.usual = [abs(float(value)) for value in values[:, 0]]
         if not np.isfinite(values).all(axis=0).any():
             raise InputError(

@@ -13,7 +13,6 @@ from typing import Final, NamedTuple
 from automaton.studies.inference.intervals import Effect, effect
 from automaton.studies.street_search.designs import Row, StreetDesign, StreetRuns
 from automaton.studies.street_search.evolution import NamedDesign, SearchQuestion
-from automaton.studies.sweeps.run_keys import seed_of
 
 SELECT_RUNS: Final = 8  # of each finalist in the first round; twice as many in each further one
 HELD_OUT_PAIRS: Final = 100
@@ -36,7 +35,7 @@ def choose(
     """The finalist with the best mean: the better half of each round gets twice as many runs."""
     left, number, made, rounds = list(range(len(finalists))), SELECT_RUNS, 0, 0
     while len(left) > 1:
-        seeds = [seed_of(f"{question.seed} select {r}") for r in range(number)]
+        seeds = question.seeds("select", number)
         designs = [finalists[one].design for one in left]
         scores = [0.0] * len(left)
         for robots in question.robots:
@@ -110,7 +109,7 @@ def judge(
     is_own: bool,
 ) -> FleetVerdict:
     """The verdict for a fleet. `is_own`: it is that of the scenario, whose size is not set."""
-    seeds = [seed_of(f"{question.seed} held out {r}") for r in range(HELD_OUT_PAIRS)]
+    seeds = question.seeds("held out", HELD_OUT_PAIRS)
     before, after = runs([as_it_is, design], seeds, None if is_own else robots)
     ended = [[math.isfinite(question.value(row)) for row in rows] for rows in (before, after)]
     pairs = [pair for pair, *both in zip(zip(before, after, strict=True), *ended, strict=True)

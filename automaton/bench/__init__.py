@@ -18,7 +18,9 @@ class BenchPart(NamedTuple):
 
 BENCH_PARTS: Final[dict[str, BenchPart]] = {
     "step": BenchPart(
-        "automaton.bench.step_speed", True, "the bare step, with only occupancy rules"
+        "automaton.bench.step_speed",
+        True,
+        "one step of random moves, with only the rules of occupancy",
     ),
     "tabletop": BenchPart(
         "automaton.bench.run_speed:tabletop_measurements",
@@ -92,7 +94,7 @@ BENCH_PARTS: Final[dict[str, BenchPart]] = {
     "watching": BenchPart(
         "tui.bench.viewer_speed:planning_measurements",
         False,
-        "the part of viewer with 10,000 robots that plan (a minute or two)",
+        "the viewer with 10,000 robots that plan, a part of viewer (a minute or two)",
     ),
     "compile": BenchPart(
         "automaton.bench.startup_speed:first_run_measurements",

@@ -32,7 +32,7 @@ def add_scenario_arguments(parser: argparse.ArgumentParser) -> None:
     """The scenario and the changes to it: `scenario`, `seed` and `settings`."""
     text = "a scenario file, or the name of a shipped scenario"
     parser.add_argument("scenario", metavar="SCENARIO", help=text)
-    text = "use this seed instead of the scenario's"
+    text = "use this seed instead of the seed in the scenario"
     parser.add_argument("--seed", type=int, metavar="N", help=text)
     add_settings_argument(parser)
 

@@ -72,8 +72,8 @@ METRIC_CATALOGUE: dict[str, tuple[str, str]] = {
     "delay_p95": ("ticks", "95th percentile of the delay of tasks"),
     "detour_share": (
         "share",
-        "extra driving time of finished orders on an empty floor, relative to the shortest ways, "
-        "because of the weights of streets",
+        "driving time on the ways that streets choose / driving time on the shortest ways - 1, for "
+        "finished orders on an empty floor",
     ),
     "throughput_per_robot": (
         f"{PER_1000_TICKS} and robot",
@@ -127,8 +127,8 @@ METRIC_CATALOGUE: dict[str, tuple[str, str]] = {
     ),
     "late_share": (
         "share",
-        "share of orders with a due time that were late: delivered after it, or still open "
-        "past it; orders of not_yet_due are excluded",
+        "late orders / orders with a due time; late: delivered after the due time, or still open "
+        "after it; released orders count, except those that are open and not yet due",
     ),
     "not_yet_due": (
         "orders",
@@ -136,8 +136,8 @@ METRIC_CATALOGUE: dict[str, tuple[str, str]] = {
     ),
     "tardiness": (
         "ticks",
-        "mean time by which orders were late; orders on time count as 0, and open orders "
-        "count as delivered at the end",
+        "mean time by which orders with a due time were late; 0 for orders on time; an open order "
+        "counts as if it were delivered at the end",
     ),
     "tardiness_p95": ("ticks", "95th percentile of the tardiness of orders with a due time"),
     "tardiness_p99": ("ticks", "99th percentile of the tardiness of orders with a due time"),

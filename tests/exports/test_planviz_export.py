@@ -91,7 +91,7 @@ def test_a_task_is_in_the_schedule_until_the_tick_in_which_it_is_finished(tmp_pa
 @pytest.mark.parametrize(
     ("settings", "sentence"),
     [
-        (("durations.turn=2",), "durations.turn is 2"),
+        (("durations.turn=2",), "durations.turn is 2 where others take 1 tick"),
         (("fleet.kinematics=omni", "fleet.heading=null"), "fleet.kinematics is omni"),
         (
             ("world.extra_tick_probability=0.1",),
@@ -121,7 +121,7 @@ def test_runs_that_have_no_place_in_an_output_are_refused(
     recording = recorded(str(out), *wait, *settings)
     with pytest.raises(InputError) as caught:
         planviz_output(recording)
-    assert "PlanViz requires robots that move and turn in one tick" in caught.value.message
+    assert "PlanViz requires robots whose moves and turns all take" in caught.value.message
     assert sentence in caught.value.message
 
 

@@ -144,13 +144,14 @@ def verify_results(args: argparse.Namespace) -> int:
 
 def verify_against_problem(args: argparse.Namespace) -> int:
     """Check the output of another program; report the first violation."""
-    from automaton.exchange.planviz import read_output, verify_output
+    from automaton.exchange.planviz import read_output, unchecked, verify_output
     from automaton.exchange.problem_files import read_problem
 
     output = read_output(Path(args.file))
     # A problem folder has starts for fleets of several sizes.
     robots = output.robots if args.problem.is_dir() else None
-    violation = verify_output(output, read_problem(args.problem, robots))
+    problem = read_problem(args.problem, robots)
+    violation, missing = verify_output(output, problem), list(unchecked(output, problem))
     if args.json:
         print_json(
             {
@@ -160,6 +161,7 @@ def verify_against_problem(args: argparse.Namespace) -> int:
                 "ticks": output.ticks,
                 "tasks_finished": output.finished,
                 "verified": violation is None,
+                "unchecked": missing,
                 "violation": None
                 if violation is None
                 else {**violation._asdict(), "sentence": str(violation)},
@@ -171,6 +173,7 @@ def verify_against_problem(args: argparse.Namespace) -> int:
         lines = [
             f"{args.file}: {verdict}: {size}, {count(output.finished, 'task')} finished",
             "rules: no violations" if violation is None else f"rules: violation: {violation}",
+            *(f"not checked: {rule}" for rule in missing),
         ]
         print_document(ReportDocument(args.file, [Listed(lines, mark="")]))
     return 0 if violation is None else 1

@@ -293,6 +293,8 @@ def scenario_text(problem: Problem, starts: str, tasks: str, ticks: int) -> str:
         "summary": f"{size}, {count(len(problem.tasks), 'task')}, imported.",
         "fleet": fleet | {"heading": "east"},
         "durations": {"move": problem.action_ticks, "turn": problem.action_ticks},
+        # Squares of a cell overlap where one follows another around a corner.
+        **({} if problem.robot_size is None else {"world": {"following": "none"}}),
         "orders": orders,
         **({} if problem.delays is None else {"faults": {"delays": dict(problem.delays)}}),
         "strategy": strategy,

@@ -13,18 +13,29 @@ one cell, and no two exchange their cells. A visit is done when the robot is on 
 tick, at most one per tick. One robot does the visits of a task in sequence, and no other task in
 between. This module shares no code with the engine.
 
+In 2026 there are more keys and other paths (planviz_paths), and sumOfCost is missing:
+
+    version            "2026 LoRR"                 agentMaxCounter     ticks of a move and of a turn
+    outputSegmentSize  ticks of a segment          delayIntervals      for each robot [begin, end], ...
+    numPlannerErrors, numScheduleErrors, numEntryTimeouts, scheduleErrors, plannerTimes
+
+A robot waits in the ticks begin + 1 to end of its delays. Files of the league may lack `events` and
+`tasks`: then visits follow from actualSchedule. Its entry of tick t counts from the end of this tick; the
+robot of a task has none from its last visit to its next entry.
+
 In 2023 tasks had one cell each and were assigned round-robin. `tasks` is [task, row, column], numbered
 in the order of assignment; `events` has for each robot [task, tick, "assigned" or "finished"]. There is
 neither `version` nor `actualSchedule`.
 
-Source: the competition's start kit, Input_Output_Format.md (2023 and 2024).
+Sources: the competition's start kit, Input_Output_Format.md (2023 and 2024), Simulator.cpp and
+DelayGenerator.cpp (2026); the outputs of 2026 in PlanViz 3.2.
 """
 
 from __future__ import annotations
 
 import os
 from bisect import bisect_right
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final, NamedTuple
@@ -34,6 +45,18 @@ import numpy as np
 import numpy.typing as npt
 
 from automaton.errors import InputError
+from automaton.exchange.planviz_paths import (
+    HEADING_LETTERS,
+    NO_TASK,
+    VACANT,
+    WAIT,
+    Actions,
+    PlanViolation,
+    ScheduledVisits,
+    actions_of,
+    actions_of_segments,
+    motion_of,
+)
 from automaton.exchange.problem import Problem
 from automaton.scenario.validation import T, shown, validated
 from automaton.units import count
@@ -41,15 +64,9 @@ from automaton.units import count
 ACTION_MODEL: Final = "MAPF_T"
 VERSION: Final = "2024 LoRR"
 VERSION_2023: Final = "2023 LoRR"
+VERSION_2026: Final = "2026 LoRR"
 ASSIGNED, FINISHED = "assigned", "finished"  # events of 2023
-ACTION_LETTERS: Final = "FRCW"  # forward, right, left, wait
-FORWARD, RIGHT, LEFT, WAIT = range(4)
-HEADING_LETTERS: Final = "ESWN"  # clockwise, as directions are numbered
 MAX_PLANVIZ_BYTES: Final = 2_000_000_000
-NO_TASK: Final = -1  # no task, in a schedule
-Actions = npt.NDArray[np.uint8]  # (ticks, robots) index of ACTION_LETTERS
-STEP_OF_HEADING: Final = ((0, 1), (1, 0), (0, -1), (-1, 0))  # (rows, columns)
-VACANT: Final = -1
 
 
 class PlanvizFile(msgspec.Struct, rename="camel"):
@@ -70,6 +87,24 @@ class PlanvizFile(msgspec.Struct, rename="camel"):
     tasks: list[tuple[int, int, list[int]]]
 
 
+class PlanvizFile2026(msgspec.Struct, rename="camel"):
+    """The keys of an output of 2026; other keys are ignored."""
+
+    action_model: str
+    version: str
+    team_size: int
+    start: list[tuple[int, int, str]]
+    num_task_finished: int
+    makespan: int
+    agent_max_counter: int
+    actual_paths: list[str]
+    delay_intervals: list[list[tuple[int, int]]] | None = None
+    sum_of_cost: int | None = None
+    actual_schedule: list[str] | None = None
+    events: list[tuple[int, int, int, int]] | None = None
+    tasks: list[tuple[int, int, list[int]]] | None = None
+
+
 @dataclass(frozen=True, eq=False)
 class PlanvizOutput:
     """An output whose parts are consistent; the rules are checked separately."""
@@ -77,7 +112,7 @@ class PlanvizOutput:
     file: str
     start: list[tuple[int, int, str]]
     actions: Actions
-    # For each robot (tick, task) in the order of ticks; None in 2023.
+    # For each robot (tick, task) in the order of ticks; None: unknown, as in 2023.
     schedule: list[list[tuple[int, int]]] | None
     events: list[tuple[int, int, int, int]]  # in the order of ticks
     tasks: dict[
@@ -85,7 +120,12 @@ class PlanvizOutput:
     ]  # task: released, (row, column) of its visits
     finished: int
     makespan: int
-    sum_of_cost: int
+    sum_of_cost: int | None
+    action_ticks: int | None = (
+        None  # of a move and a turn in 2026; None: 1, by the rules until 2024
+    )
+    delays: list[list[tuple[int, int]]] | None = None  # for each robot (begin, end)
+    lists_visits: bool = True  # its events and tasks are known
 
     @property
     def ticks(self) -> int:
@@ -109,28 +149,16 @@ def read_output(path: Path) -> PlanvizOutput:
     """Read an output. Raises InputError if a key is missing or parts are inconsistent."""
     file = str(path)
     data = _parsed(path)
+    if VERSION_2026[:4] in str(data.get("version")) or "agentMaxCounter" in data:
+        return _output_of_2026(data, file)
     dealt_out = is_of_2023(data)
     if dealt_out:
         data = as_of_2024(data, file)
     said = _validated(data, PlanvizFile, file)
-    if said.action_model != ACTION_MODEL:
-        raise InputError(
-            f"actionModel must be {ACTION_MODEL}, found {shown(said.action_model)}", file
-        )
-    robots = said.team_size
-    for key in ("start", "actualPaths", "plannerPaths", "actualSchedule"):
-        if len(data[key]) != robots:
-            text = f"{key} has {len(data[key]):,} entries, teamSize is {robots:,}"
-            raise InputError(text, file)
-    if robots < 1:
-        raise InputError(f"teamSize must be at least 1, found {robots}", file)
-    for robot, (_, _, heading) in enumerate(said.start):
-        if heading not in HEADING_LETTERS or len(heading) != 1:
-            text = f"start[{robot}] has the heading {shown(heading)}; E, S, W and N are allowed"
-            raise InputError(text, file)
+    _check_sizes(said, data, ("start", "actualPaths", "plannerPaths", "actualSchedule"), file)
     actions = actions_of(said.actual_paths, file)
     tasks = _tasks(said.tasks, file)
-    schedule = [_schedule(text, robot, file) for robot, text in enumerate(said.actual_schedule)]
+    schedule = _schedules(said.actual_schedule, file)
     for number, event in enumerate(said.events):
         _check_event(event, number, actions.shape, tasks, file)
     return PlanvizOutput(
@@ -144,6 +172,58 @@ def read_output(path: Path) -> PlanvizOutput:
         makespan=said.makespan,
         sum_of_cost=said.sum_of_cost,
     )
+
+
+def _output_of_2026(data: dict[str, Any], file: str) -> PlanvizOutput:
+    said = _validated(data, PlanvizFile2026, file)
+    per_robot = ("start", "actualPaths", "delayIntervals", "actualSchedule")
+    given = [key for key in per_robot if data.get(key) is not None]
+    _check_sizes(said, data, given, file)
+    if said.agent_max_counter < 1:
+        text = f"agentMaxCounter must be at least 1, found {said.agent_max_counter}"
+        raise InputError(text, file)
+    actions = actions_of_segments(said.actual_paths, file)
+    lists_visits = said.events is not None and said.tasks is not None
+    tasks = _tasks(said.tasks or [], file) if lists_visits else {}
+    events = (said.events or []) if lists_visits else []
+    for number, event in enumerate(events):
+        _check_event(event, number, actions.shape, tasks, file)
+    listed = said.actual_schedule
+    return PlanvizOutput(
+        file=file,
+        start=said.start,
+        actions=actions,
+        schedule=None if listed is None else _schedules(listed, file),
+        events=sorted(events, key=lambda event: event[0]),
+        tasks=tasks,
+        finished=said.num_task_finished,
+        makespan=said.makespan,
+        sum_of_cost=said.sum_of_cost,
+        action_ticks=said.agent_max_counter,
+        delays=said.delay_intervals,
+        lists_visits=lists_visits,
+    )
+
+
+def _check_sizes(
+    said: PlanvizFile | PlanvizFile2026, data: dict[str, Any], keys: Iterable[str], file: str
+) -> None:
+    """Raises InputError for another action model, a list of another length or a strange heading."""
+    if said.action_model != ACTION_MODEL:
+        raise InputError(
+            f"actionModel must be {ACTION_MODEL}, found {shown(said.action_model)}", file
+        )
+    robots = said.team_size
+    for key in keys:
+        if len(data[key]) != robots:
+            text = f"{key} has {len(data[key]):,} entries, teamSize is {robots:,}"
+            raise InputError(text, file)
+    if robots < 1:
+        raise InputError(f"teamSize must be at least 1, found {robots}", file)
+    for robot, (_, _, heading) in enumerate(said.start):
+        if heading not in HEADING_LETTERS or len(heading) != 1:
+            text = f"start[{robot}] has the heading {shown(heading)}; E, S, W and N are allowed"
+            raise InputError(text, file)
 
 
 def _parsed(path: Path) -> dict[str, Any]:
@@ -164,30 +244,6 @@ def _parsed(path: Path) -> dict[str, Any]:
     if not isinstance(data, dict):
         raise InputError(f"an output must be a JSON object, found {shown(data)}", file)
     return data
-
-
-def actions_of(paths: list[str], file: str) -> Actions:
-    """Return (ticks, robots) actions of texts such as "F,R,W". Raises InputError."""
-    plain = [path.replace(",", "") for path in paths]
-    ticks = len(plain[0])
-    for robot, (path, letters) in enumerate(zip(paths, plain, strict=True)):
-        if len(letters) != ticks:
-            text = f"actualPaths: robot {robot} has {count(len(letters), 'action')}"
-            raise InputError(f"{text}, robot 0 has {ticks:,}", file)
-        if path not in (letters, ",".join(letters)):
-            raise InputError(f"actualPaths: robot {robot} has misplaced commas", file)
-    codes = np.frombuffer("".join(plain).encode("utf-32-le"), np.uint32).reshape(-1, max(1, ticks))
-    actions = np.full(codes.shape, len(ACTION_LETTERS), np.uint8)
-    for action, letter in enumerate(ACTION_LETTERS):
-        actions[codes == ord(letter)] = action
-    unknown = np.argwhere(actions == len(ACTION_LETTERS))
-    if len(unknown):
-        robot, at = unknown[0].tolist()
-        text = f"actualPaths: robot {robot} has the action {plain[robot][at]!r} in tick {at + 1:,}"
-        raise InputError(f"{text}; F, R, C and W are allowed", file)
-    if not ticks:
-        return np.zeros((0, len(paths)), np.uint8)
-    return np.ascontiguousarray(actions.T)
 
 
 def _tasks(
@@ -223,6 +279,10 @@ def _check_event(
         wrong = f"task {task}, which is not among the tasks"
     if wrong:
         raise InputError(f"events[{number}] is of {wrong}", file)
+
+
+def _schedules(texts: list[str], file: str) -> list[list[tuple[int, int]]]:
+    return [_schedule(text, robot, file) for robot, text in enumerate(texts)]
 
 
 def _schedule(text: str, robot: int, file: str) -> list[tuple[int, int]]:
@@ -285,20 +345,6 @@ def as_of_2024(data: dict[str, Any], file: str) -> dict[str, Any]:
         "events": events,
         "tasks": tasks,
     }
-
-
-class PlanViolation(NamedTuple):
-    """The first violation of a rule in an output."""
-
-    tick: int
-    robots: tuple[int, ...]
-    rule: str  # start, wall, collision, swap, visit, task, release or count
-    text: str
-
-    def __str__(self) -> str:
-        name = "robot" if len(self.robots) == 1 else "robots"
-        robots = f"{name} {' and '.join(map(str, self.robots))} " if self.robots else ""
-        return f"tick {self.tick:,}: {robots}{self.text}"
 
 
 # Tasks and visits.
@@ -451,15 +497,20 @@ def _wrong_counts(
         if len(output.tasks) > len(ends):
             text = f"there are {len(output.tasks):,} tasks, {len(ends):,} were released"
             yield PlanViolation(output.ticks, (), "release", text)
-    if output.finished != len(progress.finished_at):
-        text = f"numTaskFinished is {output.finished:,}"
-        text += f", the events finish {len(progress.finished_at):,}"
+    yield from _wrong_totals(output, len(progress.finished_at))
+
+
+def _wrong_totals(output: PlanvizOutput, finished: int | None) -> Iterator[PlanViolation]:
+    """The counts of tasks, ticks and costs are right; `finished`: None if unknown."""
+    if finished is not None and output.finished != finished:
+        how = "events" if output.lists_visits else "schedules"
+        text = f"numTaskFinished is {output.finished:,}, the {how} finish {finished:,}"
         yield PlanViolation(output.ticks, (), "count", text)
     if output.makespan != output.ticks:
         text = f"makespan is {output.makespan:,}, the paths have {count(output.ticks, 'tick')}"
         yield PlanViolation(output.ticks, (), "count", text)
     cost = output.robots * output.ticks
-    if output.sum_of_cost != cost:
+    if output.sum_of_cost not in (None, cost):
         text = f"sumOfCost is {output.sum_of_cost:,}, robots times ticks are {cost:,}"
         yield PlanViolation(output.ticks, (), "count", text)
 
@@ -472,6 +523,17 @@ class PlannedMotion(NamedTuple):
 
     violation: PlanViolation | None
     visited: npt.NDArray[np.int64]  # (events,) cell of the robot of each event; VACANT after it
+    finished: int | None  # tasks finished by the schedules, if the output lists no visits
+
+
+def unchecked(output: PlanvizOutput, problem: Problem) -> Iterator[str]:
+    """Yield the rules that cannot be checked, as the output has no keys for them."""
+    if output.delays is None and problem.delays is not None:
+        yield "delays: the file has no delayIntervals"
+    if not output.lists_visits and output.schedule is None:
+        yield "visits and tasks: the file has no events, tasks and actualSchedule"
+    elif not output.lists_visits:
+        yield "the ticks of visits: the file has no events and tasks, only actualSchedule"
 
 
 def verify_output(output: PlanvizOutput, problem: Problem) -> PlanViolation | None:
@@ -479,10 +541,16 @@ def verify_output(output: PlanvizOutput, problem: Problem) -> PlanViolation | No
     if output.robots != problem.robots:
         text = f"teamSize is {output.robots:,}, the problem has {count(problem.robots, 'robot')}"
         raise InputError(text, output.file)
+    if (output.action_ticks or 1) != problem.action_ticks:
+        text = f"an action takes {count(output.action_ticks or 1, 'tick')}, "
+        raise InputError(f"{text}{problem.action_ticks} in the problem", output.file)
     motion = follow(output, problem)
-    tasks = check_tasks(output, problem, motion.visited.tolist())
-    violations = [one for one in (_wrong_start(output, problem), motion.violation, tasks) if one]
-    return min(violations, key=lambda one: one.tick, default=None)
+    if output.lists_visits:
+        tasks = check_tasks(output, problem, motion.visited.tolist())
+    else:
+        tasks = next(_wrong_totals(output, motion.finished), None)
+    found = (_wrong_start(output, problem), wrong_delay(output, problem), motion.violation, tasks)
+    return min((one for one in found if one), key=lambda one: one.tick, default=None)
 
 
 def _wrong_start(output: PlanvizOutput, problem: Problem) -> PlanViolation | None:
@@ -499,70 +567,65 @@ def _wrong_start(output: PlanvizOutput, problem: Problem) -> PlanViolation | Non
     return None
 
 
+def wrong_delay(output: PlanvizOutput, problem: Problem) -> PlanViolation | None:
+    """Return the first violation of a delay: it is as long as the problem says, and the robot waits."""
+    found = (
+        _broken_delay(output, problem, robot, delay, before)
+        for robot, delays in enumerate(output.delays or ())
+        for before, delay in zip([(0, 0), *delays], delays, strict=False)
+    )
+    return min((one for one in found if one), key=lambda one: one.tick, default=None)
+
+
+def _broken_delay(
+    output: PlanvizOutput,
+    problem: Problem,
+    robot: int,
+    delay: tuple[int, int],
+    before: tuple[int, int],
+) -> PlanViolation | None:
+    (begin, end), ticks = delay, delay[1] - delay[0]
+    allowed = None if problem.delays is None else problem.delays["ticks"]
+    tick, text = max(0, begin) + 1, ""
+    if begin < before[1] or ticks < 1:
+        text = f"has a delay of the ticks {begin:,} to {end:,} after one to tick {before[1]:,}"
+    elif allowed is None:
+        text = "is delayed, but the problem has no delays"
+    elif not allowed["from"] <= ticks <= allowed["to"]:
+        text = f"is delayed for {count(ticks, 'tick')}, the problem says "
+        text += f"{allowed['from']} to {allowed['to']}"
+    else:
+        acts = np.flatnonzero(output.actions[begin:end, robot] != WAIT)
+        if len(acts):
+            tick += int(acts[0])
+            text = f"does not wait in its delay of the ticks {begin + 1:,} to {end:,}"
+    return PlanViolation(tick, (robot,), "delay", text) if text else None
+
+
 def follow(output: PlanvizOutput, problem: Problem) -> PlannedMotion:
-    """Move all robots tick by tick, until a rule of motion is broken."""
+    """Move all robots tick by tick, until a rule of motion or of a schedule is broken."""
     height, width = problem.grid.free.shape
-    free = np.zeros((height + 2, width + 2), np.bool_)
-    free[1:-1, 1:-1] = problem.grid.free
-    passable, stride = free.reshape(-1), width + 2
-    step = np.array([rows * stride + columns for rows, columns in STEP_OF_HEADING])
-    row, column = (np.array([start[k] for start in output.start]) for k in (0, 1))
     visited = np.full(len(output.events), VACANT, np.int64)
+    row, column = (np.array([start[k] for start in output.start]) for k in (0, 1))
     if ((row < 0) | (row >= height) | (column < 0) | (column >= width)).any():
-        return PlannedMotion(None, visited)  # the start itself is a violation
-    cell = (row + 1) * stride + column + 1
-    heading = np.array([HEADING_LETTERS.index(start[2]) for start in output.start])
-    holder = np.full(passable.size, VACANT, np.int64)
+        return PlannedMotion(None, visited, None)  # the start itself is a violation
+    motion = motion_of(
+        problem.grid.free, output.start, output.action_ticks, problem.robot_size or 1.0
+    )
+    scheduled = None
+    if not output.lists_visits and output.schedule is not None:
+        scheduled = ScheduledVisits(output.schedule, problem)
     event_robot = np.array([event[1] for event in output.events], np.int64)
     ends = np.searchsorted(
         [event[0] for event in output.events], np.arange(output.ticks + 1), "right"
     )
     for tick, action in enumerate(output.actions, 1):
-        ahead = np.where(action == FORWARD, cell + step[heading], cell)
-        violation = _broken(tick, cell, ahead, passable, holder, stride)
+        violation = motion.carry_out(tick, action)
+        cell = (motion.cell // motion.width - 1) * width + motion.cell % motion.width - 1
+        if violation is None and scheduled is not None:
+            violation = scheduled.update(tick, cell)
         if violation is not None:
-            return PlannedMotion(violation, visited)
-        heading = (heading + (action == RIGHT) - (action == LEFT)) & 3
-        cell = ahead
+            return PlannedMotion(violation, visited, None)
         now = slice(ends[tick - 1], ends[tick])
-        at = cell[event_robot[now]]
-        visited[now] = (at // stride - 1) * width + at % stride - 1
-    return PlannedMotion(None, visited)
-
-
-def _broken(
-    tick: int,
-    before: npt.NDArray[np.int64],
-    after: npt.NDArray[np.int64],
-    passable: npt.NDArray[np.bool_],
-    holder: npt.NDArray[np.int64],
-    stride: int,
-) -> PlanViolation | None:
-    """Return the violation of a tick by the first robot; `holder`: scratch, (cells,) all VACANT."""
-    robots = np.arange(len(after))
-
-    def place(cell: int) -> str:
-        return f"row {cell // stride - 1}, column {cell % stride - 1}"
-
-    wrong = np.flatnonzero(~passable[after])
-    if len(wrong):
-        robot = int(wrong[0])
-        return PlanViolation(
-            tick, (robot,), "wall", f"goes to {place(int(after[robot]))}, which is not free"
-        )
-    holder[after] = robots
-    wrong = np.flatnonzero(holder[after] != robots)
-    if len(wrong):
-        robot = int(wrong[0])
-        pair = tuple(np.flatnonzero(after == after[robot])[:2].tolist())
-        return PlanViolation(tick, pair, "collision", f"are both in {place(int(after[robot]))}")
-    met = holder[before]  # the robot that is now in each one's former cell
-    holder[after] = VACANT
-    swapped = (met != VACANT) & (met != robots)
-    swapped &= after == before[np.where(swapped, met, 0)]
-    wrong = np.flatnonzero(swapped)
-    if len(wrong):
-        robot = int(wrong[0])
-        cells = f"{place(int(before[robot]))} and {place(int(after[robot]))}"
-        return PlanViolation(tick, (robot, int(met[robot])), "swap", f"exchange {cells}")
-    return None
+        visited[now] = cell[event_robot[now]]
+    return PlannedMotion(None, visited, None if scheduled is None else scheduled.finished)

@@ -78,6 +78,8 @@ class Problem:
     skip_reached: bool = False  # a robot skips a task on whose first cell it is already
     action_ticks: int = 1  # of a move and of a turn
     delays: Mapping[str, Any] | None = None  # the section `faults.delays` of its scenario
+    # Side of a robot in cells, in 2026: robots never overlap. None: they follow in any direction.
+    robot_size: float | None = None
     starts_from: ListedLines = field(default_factory=lambda: ListedLines(""))
     tasks_from: ListedLines = field(default_factory=lambda: ListedLines(""))
 

@@ -15,10 +15,11 @@ The league: a JSON file that names the other files, relative to itself:
 Agents and tasks: lines that begin with # are skipped; a count comes first, then a line for each entry,
 with cells as row * width + column. From 2024 on tasks are 1 to 5 cells with commas, in a pool. Tasks of
 2023 are single cells, assigned round-robin (`taskAssignmentStrategy`). In 2026 an action takes
-`agentCounter` ticks, and robots are delayed:
+`agentCounter` ticks, robots are squares with sides of `agentSize` cells, and they are delayed:
 
-    "agentCounter": 3, "delayConfig": {"eventModel": "bernoulli", "pDelay": 0.01, "minDelay": 1,
-     "maxDelay": 4, "durationModel": "gaussian", "gaussMeanRatio": 0.5, "gaussStdRatio": 0.22}
+    "agentCounter": 3, "agentSize": 1.0, "delayConfig": {"eventModel": "bernoulli", "pDelay": 0.01,
+     "minDelay": 1, "maxDelay": 4, "durationModel": "gaussian", "gaussMeanRatio": 0.5,
+     "gaussStdRatio": 0.22}
 
 Sources: the experiments of A. Yukhnevich and A. Andreychuk, Enhancing PIBT via Multi-Action Operations,
 AAAI-26. The competition's start kit, Input_Output_Format.md; leagueofrobotrunners.org.
@@ -76,7 +77,9 @@ MAX_TEAM: Final = 1_000_000
 MAX_ACTION_TICKS: Final = 1000
 MAX_DELAY: Final = 1_000_000  # ticks
 MAX_REVEAL: Final = 1000.0  # tasks open at once for each robot
-POOL_VERSIONS: Final = ("2024", "2026")  # versions
+SQUARE_VERSION: Final = "2026"  # robots are squares that never overlap
+MIN_SIZE: Final = 0.01  # side of a robot, in cells
+POOL_VERSIONS: Final = ("2024", SQUARE_VERSION)
 EVENT_MODELS: Final = ("bernoulli", "poisson")
 DURATION_MODELS: Final = ("uniform", "gaussian")
 STRATEGIES_OF_2023: Final = ("roundrobin", "roundrobin-fixed")
@@ -265,10 +268,17 @@ def read_league_problem(path: Path, robots: int | None = None) -> Problem:
             repeat=repeat,
             action_ticks=int(_number(data, "agentCounter", file, 1, MAX_ACTION_TICKS, default=1)),
             delays=_delays(data, file),
+            robot_size=_robot_size(data, file),
             starts_from=starts_from,
             tasks_from=ListedLines(tasks.path, tasks.lines),
         )
     )
+
+
+def _robot_size(data: dict[str, Any], file: str) -> float | None:
+    if SQUARE_VERSION not in str(data.get("version")):
+        return None
+    return _number(data, "agentSize", file, MIN_SIZE, 1, integral=False, default=1.0)
 
 
 def _delays(data: dict[str, Any], file: str) -> dict[str, Any] | None:

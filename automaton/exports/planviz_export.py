@@ -1,8 +1,10 @@
 """A recorded run as an output of the League of Robot Runners, as PlanViz shows it.
 
-Robots must turn by 90 degrees or drive one cell per tick, and their orders must be visits without loads;
-other runs are refused. Task k is order k. A task is released at the end of the tick in which another
-task is finished, and is in a robot's schedule from the tick of its assignment.
+Robots must turn by 90 degrees and drive, and all moves and turns must take the same ticks. Their orders
+must be visits without loads. Other runs are refused. If actions take several ticks or robots are delayed,
+the output is of 2026, else of 2024 (planviz and planviz_paths describe both). Task k is order k. A task
+is released at the end of the tick in which another task is finished, and is in a robot's schedule from
+the tick of its assignment.
 """
 
 from __future__ import annotations
@@ -15,6 +17,7 @@ import numpy.typing as npt
 
 from automaton.engine.record_codes import (
     ACTION_MASK,
+    CHANGE_DELAYED,
     CHANGE_ORDER_RESERVED,
     CHANGE_VISITED,
     MOVE_EAST,
@@ -23,17 +26,21 @@ from automaton.engine.record_codes import (
     TURN_RIGHT,
 )
 from automaton.errors import InputError
-from automaton.exchange.planviz import ACTION_MODEL, HEADING_LETTERS, NO_TASK, VERSION
+from automaton.exchange.planviz import ACTION_MODEL, VERSION, VERSION_2026
+from automaton.exchange.planviz_paths import HEADING_LETTERS, NO_TASK, STEP_OF_HEADING
 from automaton.floor.floor_plan import DRIVABLE, NIL
 from automaton.recording.contents import FRAME_KIND_CONDITIONS, FRAME_KIND_TICKS, Content
 from automaton.recording.frames import Recording
 from automaton.scenario.refinement import refined_data
 from automaton.scenario.robot_types import types_of
+from automaton.units import count
 
 LETTERS: Final = np.full(ACTION_MASK + 1, ord("W"), np.uint8)  # of a recorded action
 LETTERS[MOVE_EAST : MOVE_NORTH + 1] = ord("F")
 LETTERS[TURN_RIGHT] = ord("R")
 LETTERS[TURN_LEFT] = ord("C")
+WAIT: Final = ord("W")
+SEGMENT_TICKS: Final = 100
 
 Rows = list[tuple[int, int]]
 
@@ -41,12 +48,12 @@ Rows = list[tuple[int, int]]
 def planviz_output(recording: Recording) -> dict[str, Any]:
     """Return a recorded run as the keys of an output. Raises InputError if PlanViz cannot show it."""
     header = recording.header
-    executed, changes = _ticks_of(recording)
+    executed, changes, action_ticks = _ticks_of(recording)
     ticks, robots = executed.shape
     tasks = TaskHistory(header)
     tasks.apply(changes)
-    paths = [",".join(row.tobytes().decode()) for row in LETTERS[executed & ACTION_MASK].T]
-    return {
+    letters = LETTERS[executed & ACTION_MASK]
+    output = {
         "actionModel": ACTION_MODEL,
         "version": VERSION,
         "teamSize": robots,
@@ -59,8 +66,6 @@ def planviz_output(recording: Recording) -> dict[str, Any]:
         "numTaskFinished": len(tasks.finished),
         "sumOfCost": ticks * robots,
         "makespan": ticks,
-        "actualPaths": paths,
-        "plannerPaths": paths,
         "errors": [],
         "actualSchedule": [
             ",".join(f"{tick}:{task}" for tick, task in rows.items()) for rows in tasks.schedule
@@ -68,27 +73,67 @@ def planviz_output(recording: Recording) -> dict[str, Any]:
         "events": tasks.events,
         "tasks": tasks.listed(),
     }
+    if action_ticks is not None:
+        delays = changes[changes[:, 1] == CHANGE_DELAYED][:, [0, 2, 3]].tolist()
+        return output | _of_2026(header, letters, action_ticks, delays)
+    paths = [",".join(row.tobytes().decode()) for row in letters.T]
+    return output | {"actualPaths": paths, "plannerPaths": paths}
 
 
-def _ticks_of(recording: Recording) -> tuple[npt.NDArray[np.uint16], npt.NDArray[np.int64]]:
-    """Return (T, n) actions of robots, and rows (tick, code, subject, value) of changes.
+def _of_2026(
+    header: Content,
+    letters: npt.NDArray[np.uint8],
+    action_ticks: int,
+    delays: list[tuple[int, int, int]],
+) -> dict[str, Any]:
+    """Return the keys of 2026. `letters`: of the action that begins; `delays`: (tick, robot, ticks)."""
+    intervals: list[list[tuple[int, int]]] = [[] for _ in range(letters.shape[1])]
+    waits = np.zeros(letters.shape, np.bool_)
+    for tick, robot, ticks in delays:
+        intervals[robot].append((tick - 1, tick - 1 + ticks))
+        waits[tick - 1 : tick - 1 + ticks, robot] = True
+    paths = SegmentedPaths(header, action_ticks)
+    for action, delayed in zip(letters, waits, strict=True):
+        paths.add(action, delayed)
+    return {
+        "version": VERSION_2026,
+        "agentMaxCounter": action_ticks,
+        "outputSegmentSize": SEGMENT_TICKS,
+        "numPlannerErrors": 0,
+        "numScheduleErrors": 0,
+        "numEntryTimeouts": 0,
+        "delayIntervals": intervals,
+        "actualPaths": paths.texts(),
+        "scheduleErrors": [],
+    }
+
+
+def _ticks_of(
+    recording: Recording,
+) -> tuple[npt.NDArray[np.uint16], npt.NDArray[np.int64], int | None]:
+    """Return (T, n) actions of robots, rows (tick, code, subject, value) of changes, and the ticks
+    of an action in an output of 2026, or None for 2024.
 
     Raises InputError for a run that PlanViz cannot show.
     """
     executed = [np.zeros((0, len(recording.header["robots"]["cell"])), np.uint16)]
     changes = [np.zeros((0, 4), np.int64)]
+    action_ticks = None
     for kind, content in recording.frames:
         if kind == FRAME_KIND_CONDITIONS:
             wrong = next(_unfit(recording.header, content["scenario"]), "")
             if wrong:
                 raise InputError(
-                    "PlanViz requires robots that move and turn in one tick and only visit "
-                    f"cells, but {wrong}"
+                    "PlanViz requires robots whose moves and turns all take the same ticks and "
+                    f"that only visit cells, but {wrong}"
                 )
+            scenario = refined_data(content["scenario"])
+            if scenario.durations.moves[0] > 1 or scenario.faults.delays is not None:
+                action_ticks = scenario.durations.moves[0]
         elif kind == FRAME_KIND_TICKS:
             executed.append(content["executed"])
             changes.append(content["changes"])
-    return np.concatenate(executed), np.concatenate(changes)
+    return np.concatenate(executed), np.concatenate(changes), action_ticks
 
 
 def _unfit(header: Content, data: dict[str, Any]) -> Iterator[str]:
@@ -98,11 +143,12 @@ def _unfit(header: Content, data: dict[str, Any]) -> Iterator[str]:
     for kinematics in fleet.all_kinematics:
         if kinematics != "differential":
             yield f"{'kinematics of a type' if fleet.types else 'fleet.kinematics'} is {kinematics}"
+    usual = durations.moves[0]
     for name, given in (("move", durations.moves), ("turn", durations.turns)):
-        if max(given) != 1:
-            yield f"durations.{name} is {max(given)}"
-    if any(max(kind.moves) > 1 or max(kind.turns) > 1 for kind in types_of(scenario)):
-        yield "fleet.types has robots whose moves or turns take longer"
+        for other in sorted({*given} - {usual}):
+            yield f"durations.{name} is {other} where others take {count(usual, 'tick')}"
+    if any({*kind.moves, *kind.turns} - {usual} for kind in types_of(scenario)):
+        yield "fleet.types has robots whose moves or turns take other ticks"
     if world.slowdown != "none" or world.extra_tick_probability or scenario.floor.speed_limits:
         yield "slow zones, speed limits or random delays lengthen moves"
     if fleet.when_idle != "park" or (header["robots"]["cell"] == NIL).any():
@@ -110,8 +156,6 @@ def _unfit(header: Content, data: dict[str, Any]) -> Iterator[str]:
     faults = scenario.faults
     if scenario.battery is not None or faults.listed or faults.probability:
         yield "robots may break down and be towed"
-    if faults.delays is not None:
-        yield "faults.delays delays robots"
     floor = header["floor"]
     if (floor["capacity"][DRIVABLE[floor["kind"]]] != 1).any():
         yield "the floor has cells for more than one robot"
@@ -126,6 +170,89 @@ def _place(header: Content, cell: int) -> tuple[int, int]:
     """Return row and column of a flat cell."""
     row, column = divmod(cell, header["floor"]["width"] + 2)
     return row - 1, column - 1
+
+
+class SegmentedPaths:
+    """The paths of robots in an output of 2026: what they do in each tick of their moves and turns.
+
+    A recording has the tick in which an action begins. From then on a robot does one of its
+    `action_ticks` in each tick, except while it is delayed and while it would go further into the next
+    cell than the robot ahead out of it.
+    """
+
+    def __init__(self, header: Content, action_ticks: int) -> None:
+        width = header["floor"]["width"] + 2
+        self._header, self._action_ticks = header, action_ticks
+        self._step = np.array([rows * width + columns for rows, columns in STEP_OF_HEADING])
+        self._cell = header["robots"]["cell"].astype(np.int64)
+        self._heading = header["robots"]["heading"].astype(np.int64)
+        self._done = np.zeros(len(self._cell), np.int64)  # ticks of the action under way
+        self._under_way = np.full(len(self._cell), WAIT, np.uint8)
+        self._holder = np.full(header["floor"]["kind"].size, NIL, np.int64)
+        self._states: list[list[tuple[int, ...]]] = []  # of segments, by robot
+        self._letters: list[npt.NDArray[np.uint8]] = []  # of ticks, by robot
+
+    def add(self, begins: npt.NDArray[np.uint8], delayed: npt.NDArray[np.bool_]) -> None:
+        """Add a tick. `begins`: letter of the action that begins, or WAIT."""
+        if len(self._letters) % SEGMENT_TICKS == 0:
+            self._states.append(self._state(len(self._letters)))
+        self._under_way = np.where(begins == WAIT, self._under_way, begins)
+        acts = (self._under_way != WAIT) & ~delayed
+        drives = self._under_way == ord("F")
+        target = np.where(drives, self._cell + self._step[self._heading], 0)
+        self._hold_back(acts, drives, target)
+        self._letters.append(np.where(acts, self._under_way, WAIT).astype(np.uint8))
+        self._done += acts
+        ends = self._done == self._action_ticks
+        turned = (self._under_way == ord("R")).astype(np.int64) - (self._under_way == ord("C"))
+        self._heading = np.where(ends, self._heading + turned, self._heading) & 3
+        self._cell = np.where(ends & drives, target, self._cell)
+        self._under_way[ends] = WAIT
+        self._done[ends] = 0
+
+    def _hold_back(
+        self, acts: npt.NDArray[np.bool_], drives: npt.NDArray[np.bool_], target: Any
+    ) -> None:
+        """Let robots wait that would pass the one ahead, from the head of a queue to its end."""
+        self._holder[self._cell] = np.arange(len(self._cell))
+        ahead = np.where(drives, self._holder[target], NIL)
+        self._holder[self._cell] = NIL
+        behind = np.flatnonzero((ahead != NIL) & acts)
+        while len(behind):
+            leader = ahead[behind]
+            passes = self._done[behind] + 1 > self._done[leader] + acts[leader]
+            acts[behind[passes]] = False
+            behind = behind[~passes] if passes.any() else behind[:0]
+
+    def _state(self, tick: int) -> list[tuple[int, ...]]:
+        return [
+            (tick, *_place(self._header, cell), heading, done)
+            for cell, heading, done in zip(
+                self._cell.tolist(), self._heading.tolist(), self._done.tolist(), strict=True
+            )
+        ]
+
+    def texts(self) -> list[str]:
+        """Return the path of each robot."""
+        letters = np.array(self._letters, np.uint8).reshape(len(self._letters), len(self._cell))
+        return [
+            "".join(
+                f"[({','.join(map(str, states[robot]))}):"
+                f"({_runs(row[at * SEGMENT_TICKS : (at + 1) * SEGMENT_TICKS])})]"
+                for at, states in enumerate(self._states)
+            )
+            for robot, row in enumerate(np.ascontiguousarray(letters.T))
+        ]
+
+
+def _runs(letters: npt.NDArray[np.uint8]) -> str:
+    """Return the runs of letters in the ticks of a segment, as "F 3,W 2"."""
+    begins = np.flatnonzero(np.diff(letters, prepend=0))
+    lengths = np.diff(begins, append=len(letters)).tolist()
+    return ",".join(
+        f"{chr(letter)} {length}"
+        for letter, length in zip(letters[begins].tolist(), lengths, strict=True)
+    )
 
 
 class TaskHistory:

@@ -13,6 +13,7 @@ from handmade_recordings import recorded
 from automaton.commands import main
 from automaton.errors import InputError
 from automaton.exchange.planviz import read_output, verify_output
+from automaton.exchange.planviz_paths import SeveralTickMotion, motion_of
 from automaton.exchange.problem_files import read_problem
 from automaton.exports.planviz_export import planviz_output
 from automaton.recording.contents import DecodedFrame
@@ -80,6 +81,50 @@ def test_what_is_altered_in_an_exported_run_is_found(tmp_path: Path) -> None:
     assert violation is not None and violation.tick > moved and robot in violation.robots
 
 
+def of_2026(problem: Path, map_text: str = MAP) -> Path:
+    """Change a problem to one of 2026 with frequent delays."""
+    problem.with_name("a.map").write_text(map_text)
+    delays = {"eventModel": "bernoulli", "durationModel": "uniform", "pDelay": 0.05}
+    rules = {"version": "2026 LoRR", "agentCounter": 3}
+    delays |= {"minDelay": 1, "maxDelay": 4}
+    problem.write_text(
+        json.dumps({**json.loads(problem.read_text()), **rules, "delayConfig": delays})
+    )
+    return problem
+
+
+def test_moves_and_turns_of_several_ticks_are_exported_with_their_delays(tmp_path: Path) -> None:
+    problem, out = of_2026(league(tmp_path)), tmp_path / "out.json"
+    data = planviz_output(imported(problem, tmp_path, "stop.max_duration=250"))
+    out.write_bytes(msgspec.json.encode(data))
+    output, read = read_output(out), read_problem(problem)
+    assert str(verify_output(output, read)) == "None" and output.finished > 3
+    assert (data["version"], data["agentMaxCounter"], data["makespan"]) == ("2026 LoRR", 3, 250)
+    assert sum(map(len, data["delayIntervals"])) > 10
+    motion = motion_of(read.grid.free, output.start, 3, 1.0)
+    assert isinstance(motion, SeveralTickMotion)
+    for tick, action in enumerate(output.actions[:200]):
+        for robot in range(3) if tick == 100 else ():
+            cell = int(motion.cell[robot])
+            state = (100, cell // 8 - 1, cell % 8 - 1, motion.heading[robot], motion.counter[robot])
+            assert f"[({','.join(map(str, state))}):(" in data["actualPaths"][robot]
+        assert motion.carry_out(tick + 1, action) is None
+
+
+def test_a_robot_that_follows_waits_with_the_one_ahead(tmp_path: Path) -> None:
+    """The other robots drive west to the cells 0 to 2, and are delayed on the way."""
+    problem = of_2026(league(tmp_path), "type octile\nheight 1\nwidth 24\nmap\n" + "." * 24 + "\n")
+    (tmp_path / "a.agents").write_text("3\n20\n21\n22\n")
+    (tmp_path / "a.tasks").write_text("4\n0\n1\n2\n3\n")
+    recording = imported(problem, tmp_path, "stop.max_duration=90", "world.following=convoy")
+    data = planviz_output(recording)
+    (tmp_path / "out.json").write_bytes(msgspec.json.encode(data))
+    output = read_output(tmp_path / "out.json")
+    assert str(verify_output(output, read_problem(problem))) == "None"
+    driving = (output.actions == 0).sum(axis=1)
+    assert (driving == 3).any() and sum(map(len, data["delayIntervals"])) > 3
+
+
 def test_a_task_is_in_the_schedule_until_the_tick_in_which_it_is_finished(tmp_path: Path) -> None:
     data = planviz_output(imported(tables(tmp_path), tmp_path))
     first = min((event for event in data["events"] if event[1] == 1), key=lambda event: event[0])
@@ -91,7 +136,7 @@ def test_a_task_is_in_the_schedule_until_the_tick_in_which_it_is_finished(tmp_pa
 @pytest.mark.parametrize(
     ("settings", "sentence"),
     [
-        (("durations.turn=2",), "durations.turn is 2"),
+        (("durations.turn=2",), "durations.turn is 2 where others take 1 tick"),
         (("fleet.kinematics=omni", "fleet.heading=null"), "fleet.kinematics is omni"),
         (
             ("world.extra_tick_probability=0.1",),
@@ -121,7 +166,7 @@ def test_runs_that_have_no_place_in_an_output_are_refused(
     recording = recorded(str(out), *wait, *settings)
     with pytest.raises(InputError) as caught:
         planviz_output(recording)
-    assert "PlanViz requires robots that move and turn in one tick" in caught.value.message
+    assert "PlanViz requires robots whose moves and turns all take" in caught.value.message
     assert sentence in caught.value.message
 
 

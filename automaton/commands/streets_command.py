@@ -344,7 +344,7 @@ def context_of(args: argparse.Namespace, asked: Asked, runs: Any) -> DesignConte
         base.floor_plan,
         lambda design: with_design(base, design),
         compared,
-        question.seed,
+        question.seeds,
         args.workers,
     )
 

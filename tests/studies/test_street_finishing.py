@@ -6,6 +6,7 @@ from typing import Any
 
 from street_designs import design_of, planted, resolved_on, with_design
 
+from automaton.studies.street_search.evolution import SearchQuestion
 from automaton.studies.street_search.finishing import (
     LOSS_PAIRS,
     REASON_PAIRS,
@@ -22,6 +23,8 @@ CLOCKWISE = (
     ("column", 5, "north", 8),
 )
 
+QUESTION = SearchQuestion("throughput", True, (None,), 7, 3000, "rows")
+
 
 def test_streets_without_effect_are_closed_and_then_left_out_with_fresh_seeds_each_time() -> None:
     resolved = resolved_on("......\n.####.\n......")
@@ -37,7 +40,7 @@ def test_streets_without_effect_are_closed_and_then_left_out_with_fresh_seeds_ea
         floor_plan,
         lambda design: with_design(resolved, design),
         steady._replace(runs=runs),
-        seed=7,
+        seeds=QUESTION.seeds,
         workers=1,
     )
     design = design_of(floor_plan, *CLOCKWISE)
@@ -57,6 +60,8 @@ def test_without_one_way_no_move_is_closed() -> None:
     resolved = resolved_on("......\n.####.\n......")
     floor_plan = resolved.floor_plan
     compared = planted(lambda design: -0.05 * design.closed.any())
-    context = DesignContext(floor_plan, lambda one: with_design(resolved, one), compared, 7, 1)
+    context = DesignContext(
+        floor_plan, lambda one: with_design(resolved, one), compared, QUESTION.seeds, 1
+    )
     last = finished(design_of(floor_plan, *CLOCKWISE), context, is_one_way=False)
     assert last.one_way is None and not last.design.closed.any()

@@ -21,7 +21,6 @@ from automaton.studies.street_search.reasons import (
     reasons,
     with_groups,
 )
-from automaton.studies.sweeps.run_keys import seed_of
 from automaton.world.resolved import Resolved
 
 SELECT_RUNS_EACH: Final = 20  # in which a closed street is tried open, and streets are left out
@@ -45,12 +44,8 @@ class DesignContext(NamedTuple):
     floor_plan: FloorPlan  # without streets
     with_design: Callable[[StreetDesign], Resolved]  # it with other streets
     compared: ComparedRuns
-    seed: int
+    seeds: Callable[[str, int], list[int]]  # that serve one purpose only
     workers: int | None  # for the runs that count lead times
-
-    def seeds(self, purpose: str, number: int) -> list[int]:
-        """Seeds that serve one purpose only."""
-        return [seed_of(f"{self.seed} {purpose} {r}") for r in range(number)]
 
     def lead_times(
         self, designs: Sequence[StreetDesign], seeds: Sequence[int]

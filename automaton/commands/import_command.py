@@ -54,8 +54,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--robots",
         type=whole("a number of robots", 1, 1_000_000),
         metavar="N",
-        help="set the number of robots: a problem uses its first N robots, a folder its file with "
-        "N robots; on a map without start cells, robots start in random cells",
+        help="set the number of robots: of a problem, the first N robots are used; of a folder, the "
+        "file with N robots; on a map without start cells, robots start in random cells",
     )
     add(
         "--ticks",
@@ -77,7 +77,7 @@ def add_layout_arguments(parser: argparse.ArgumentParser) -> None:
         type=measured("a length", "0.5m", exact_length),
         metavar="0.5m",
         help="set the side of a cell (default for a layout: the largest side that fits; for an "
-        "image: the least number of whole pixels as wide as --robot)",
+        "image: the smallest whole number of pixels that is at least as wide as --robot)",
     )
     add(
         "--tick",

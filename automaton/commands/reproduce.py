@@ -55,7 +55,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         const="",
         metavar="A,B",
         help="print all tables, claims and remarks, not only the first screen; with names, compute "
-        "only these tables, some of which are computed only if named",
+        "only those tables; some tables are left out unless they are named",
     )
     add_settings_argument(
         parser,

@@ -68,8 +68,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("--robots", metavar="A..B", help="test fleets of A to B robots")
     text = (
         "vary WHAT instead of robots. For stations or chargers, find the smallest number of "
-        "open ones; for strategy.allocation.active, find the limit with the best value of the "
-        "metric --target (default: throughput or makespan)"
+        "open ones; for strategy.allocation.active, find the limit that gives the best value "
+        "of the metric that --target names (default: throughput or makespan)"
     )
     add("--vary", nargs=2, metavar=("WHAT", "A..B"), help=text)
     text = (

@@ -53,8 +53,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--recompute",
         action="store_true",
-        help="if the folder has results of other code or another study, ignore them, and run only what "
-        "is missing for this study",
+        help="ignore results of other code or of another study in the folder; results of this study "
+        "still count, and only missing runs are made",
     )
     parser.add_argument("--retry-failed", action="store_true", help="retry failed runs, too")
     add_timeout_argument(parser)

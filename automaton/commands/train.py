@@ -64,7 +64,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add(
         "--keep",
         metavar="A,B",
-        help="keep the weights of an epoch only if all of these measures improve: "
+        help="keep the weights of an epoch only if all named measures improve: "
         f"{alternatives(MEASURES)} (default: if the loss falls)",
     )
     add(

@@ -43,7 +43,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The arguments of `automaton verify`."""
     text = (
         "a recording, or a results folder or its archive; strategies in it are executed. With "
-        "--problem, the output of the other program"
+        "--problem, the output of another program"
     )
     parser.add_argument("file", metavar="FILE", help=text)
     parser.add_argument(

@@ -19,8 +19,8 @@ PER_1000_TICKS: Final = "orders/1000 ticks"  # of every throughput, here and in 
 METRIC_CATALOGUE: dict[str, tuple[str, str]] = {
     "makespan": (
         "ticks",
-        "duration of a run that ends by itself: time until all orders are delivered and, with "
-        "stop.when: parked, all robots are parked",
+        "duration of a run that ends by itself: time until all orders are delivered and, if "
+        "stop.when is parked, all robots are parked",
     ),
     "operations_per_robot": ("operations", "mean number of operations of a robot"),
     "operations": ("operations", "number of operations of all robots"),
@@ -103,7 +103,7 @@ METRIC_CATALOGUE: dict[str, tuple[str, str]] = {
     ),
     "lost_making_way": (
         "ticks",
-        "time spent on moves for orders that later moves undo, and on turns that the next "
+        "time spent on moves, made for orders, that later moves undo, and on turns that the next "
         "move did not need",
     ),
     "slowdown_ticks": (
@@ -145,8 +145,8 @@ METRIC_CATALOGUE: dict[str, tuple[str, str]] = {
     "starved_robots": (
         "robots",
         "number of robots that have work at the end but completed no task in the last 500 "
-        "ticks (in four times the drive across the floor, if that is longer); robots that are "
-        "served, or queue at a station that serves, are not counted",
+        "ticks, or in the last four drives across the floor if that is longer; without robots "
+        "that are served, or queue at a station that is serving",
     ),
     "energy": ("batteries", "energy used, in full batteries"),
     "charging_share": ("share", "share of robot time spent at chargers"),

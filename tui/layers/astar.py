@@ -143,7 +143,7 @@ class Predicted(AstarLayer):
     """
 
     key, label, position = "f10,P", "Predicted", 80
-    meaning = "where 2 or more others will drive; again: 3, 4, 5, 1"
+    meaning = "where 2 or more others will drive; then 3, 4, 5, 1"
     counted = "robots will drive here"
 
     def field(self, simulation: Simulation, paths: Paths, selected: int) -> Array:

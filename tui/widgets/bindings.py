@@ -117,7 +117,7 @@ _FIXED: Final = (
             Action("zoom_cell", "z", "1:1", "one character for a cell"),
             Action("follow", "f", "Follow", "keep the selected robot on the screen", True),
             Action("maximise", "m", "Map alone", "only the map, or everything again"),
-            Action("minimap", "M", "Minimap", "minimap, while the floor exceeds the map"),
+            Action("minimap", "M", "Minimap", "minimap, if the floor exceeds the map"),
             Action("next_colouring", "c", "Colours", "robots by state, order, type, zone, ..."),
             Action("trails", "v", "Trails", "trails of cells that robots came through"),
             Action("goal_lines", "G", "Goals", "lines to goals: of the selected robot, all, none"),
@@ -148,7 +148,7 @@ _FIXED: Final = (
     Topic(
         "Panels",
         (
-            Action("panels", "p", "Panels", "panels off, beside the map, in its place", True),
+            Action("panels", "p", "Panels", "panels off, beside or instead of map", True),
             Action("compare_side", "o", "Other run", "panels show the other run"),
             Action(
                 "next_difference", "x", "Difference", "to the first tick at which two runs differ"

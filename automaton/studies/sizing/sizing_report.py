@@ -223,8 +223,8 @@ def looser(target: Target, bound: DayBound) -> str:
     if bound.value is not None and target.met(bound.value):
         return ""
     return (
-        f": a bound from these days alone, with {shown_share(1 - bound.error)} confidence, may be looser "
-        f"than {target.text} and does not contradict the verdict, which has days of its own"
+        f". This bound comes from those days alone, with {shown_share(1 - bound.error)} confidence, so it may "
+        f"be looser than {target.text}. It does not contradict the verdict, which rests on other days"
     )
 
 
@@ -610,8 +610,8 @@ def method(sessions: Mapping[str, SizingSession], ends: str) -> Iterator[str]:
                 f"its confidence sequence of level {confidence(question)} (beta mixture, Robbins)"
             )
     yield (
-        f"Each fleet is tested by {test} with error {question.alpha:g} / {question.candidates}; no fleet "
-        "is inferred from another. Intervals of shares are confidence sequences, which stay valid under "
+        f"Each fleet is tested by {test} with error {question.alpha:g} / {question.candidates}; no "
+        "result of a fleet is inferred from another fleet. Intervals of shares are confidence sequences, which stay valid under "
         "sequential stopping; intervals of means are for orientation only."
     )
     if first.bound is not None:

@@ -174,9 +174,9 @@ class Analysis(ConfigSection, frozen=True, kw_only=True):
     comparisons: Annotated[
         Literal["none", "baseline", "pairs"],
         Meta(
-            description="Which points are compared. baseline: each point with the baseline from "
-            "which it differs only in the factors of `baseline`; pairs: every point with "
-            "every other. If points have names, the default is baseline."
+            description="Which points are compared. baseline: each point is compared with the "
+            "baseline point that has the same levels of all factors that `baseline` does not "
+            "list; pairs: every point is compared with every other. If points have names, the default is baseline."
         ),
     ] = "none"
     family: Annotated[
@@ -198,10 +198,10 @@ class Analysis(ConfigSection, frozen=True, kw_only=True):
     precision: Annotated[
         Annotated[float, Meta(ge=1e-6, le=1)] | None,
         Meta(
-            description="Target half-width of intervals. With comparisons: of differences, as a "
-            "share of the baseline mean; without: of means, as a share of the mean. The "
-            "report estimates how many runs this needs; with replications: {at_most: N}, the "
-            "sweep makes them."
+            description="Target half-width of intervals. If there are comparisons, it applies to "
+            "differences, as a share of the baseline mean; otherwise to means, as a share of the "
+            "mean. The report estimates how many runs this needs; if `replications` is "
+            "`{at_most: N}`, the sweep makes them."
         ),
     ] = None
 
@@ -287,8 +287,8 @@ class Study(ConfigSection, frozen=True, kw_only=True):
     replications: Annotated[
         Annotated[int, Meta(ge=1, le=1_000_000)] | Replications,
         Meta(
-            description="Number of runs of each point, with different seeds; {at_least: 20, "
-            "at_most: 200}: as many as analysis.precision requires, within these limits."
+            description="Number of runs of each point, with different seeds. With {at_least: 20, "
+            "at_most: 200}, there are as many as analysis.precision requires, within these limits."
         ),
     ]
     seed: Annotated[

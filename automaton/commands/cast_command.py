@@ -30,7 +30,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--out",
         type=Path,
         metavar="FILE",
-        help="write a film to FILE.gif, .mp4, .png (animated) or .cast; - writes a .cast to standard output",
+        help="write a film to FILE.gif, .mp4, .png (animated) or .cast; - writes a .cast to standard "
+        "output",
     )
     text = "start at this tick (default: 0)"
     add("--from", type=tick, metavar="TICK", dest="first", help=text)

@@ -1,4 +1,4 @@
-"""Explain why a robot waits at a tick of a recording: the chain of causes, and the time it has lost so far.
+"""Explain why a robot waits at a tick of a recording: the chain of causes, and the time lost so far.
 
 Exit code 0: explained; 2: bad input, such as a robot or a tick that the recording does not have.
 """

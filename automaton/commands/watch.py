@@ -35,7 +35,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         action="append",
         default=[],
         metavar="KEY=VALUE",
-        help="show a second run with this setting beside the first; repeat it for further settings of the second run",
+        help="show a second run with this setting beside the first; repeat it for further settings of "
+        "the second run",
     )
     add_display_arguments(parser)
 

@@ -223,8 +223,8 @@ def looser(target: Target, bound: DayBound) -> str:
     if bound.value is not None and target.met(bound.value):
         return ""
     return (
-        f". This bound comes from those days alone, with {shown_share(1 - bound.error)} confidence, so it may "
-        f"be looser than {target.text}. It does not contradict the verdict, which rests on other days"
+        f". This bound comes from those days alone, with {shown_share(1 - bound.error)} confidence, so it "
+        f"may be looser than {target.text}. It does not contradict the verdict, which rests on other days"
     )
 
 
@@ -611,8 +611,8 @@ def method(sessions: Mapping[str, SizingSession], ends: str) -> Iterator[str]:
             )
     yield (
         f"Each fleet is tested by {test} with error {question.alpha:g} / {question.candidates}; no "
-        "result of a fleet is inferred from another fleet. Intervals of shares are confidence sequences, which stay valid under "
-        "sequential stopping; intervals of means are for orientation only."
+        "result of a fleet is inferred from another fleet. Intervals of shares are confidence sequences, "
+        "which stay valid under sequential stopping; intervals of means are for orientation only."
     )
     if first.bound is not None:
         yield (

@@ -176,7 +176,8 @@ class Analysis(ConfigSection, frozen=True, kw_only=True):
         Meta(
             description="Which points are compared. baseline: each point is compared with the "
             "baseline point that has the same levels of all factors that `baseline` does not "
-            "list; pairs: every point is compared with every other. If points have names, the default is baseline."
+            "list; pairs: every point is compared with every other. If points have names, the "
+            "default is baseline."
         ),
     ] = "none"
     family: Annotated[

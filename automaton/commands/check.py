@@ -33,7 +33,6 @@ from automaton.floor.floor_plan import DESTINATION, DOCK, RACK, SHELF
 from automaton.scenario.columns import QuarantinedRows, rows_as_written
 from automaton.scenario.document import Document
 from automaton.scenario.reading import Reading, document_of, is_study, read
-from automaton.scenario.streets import rules_in_words
 from automaton.scenario.text_files import shipped
 from automaton.studies.sweeps.study import Point, Study, shipped_studies
 from automaton.studies.sweeps.sweep_plan import check_study, describe_point
@@ -137,7 +136,7 @@ def check_file(file: str, args: argparse.Namespace) -> CheckedFile:
         *resolved.file_notes,
         *arrivals_in_words(as_read.scenario),
         *conversion_lines(as_read),
-        rules_in_words(resolved.floor_plan, resolved.scenario.streets),
+        resolved.streets_in_words,
         plain,
         *bounds_in_words(resolved),
     )

@@ -26,7 +26,7 @@ from automaton.errors import InputError
 from automaton.exchange.problem import Problem
 from automaton.floor.drawn_floors import MAX_FLOOR_SIDE
 from automaton.scenario.document import MAX_NODES
-from automaton.strategy.lookup import IMPORTED, STEERED, default_for
+from automaton.strategy.lookup import IMPORTED, SLOW_STEERED, default_for
 from automaton.units import count, number
 
 MAX_FLOOR_FILE_BYTES: Final = 64 * 2**20
@@ -251,9 +251,9 @@ def _signless(value: float, digits: int) -> str:
 # A problem as a scenario, its starts and its tasks.
 #
 # Robots are differential, begin facing east, and take as many ticks for a turn as for a move, usually
-# one; one robot fits in a cell. The strategies are named, so that `--set strategy.right_of_way=...`
-# compares others. From 2024 on a task may change robots until it is begun, so tasks are matched again in
-# each tick.
+# one; one robot fits in a cell. So the right of way is the planner for slow actions. The strategies are
+# named, so that `--set strategy.right_of_way=...` compares others. From 2024 on a task may change robots
+# until it is begun, so tasks are matched again in each tick.
 
 
 def imported_files(problem: Problem, stem: str, ticks: int) -> dict[str, str]:
@@ -286,7 +286,7 @@ def scenario_text(problem: Problem, starts: str, tasks: str, ticks: int) -> str:
     strategy = {
         "allocation": allocation,
         "routing": ROUTING,
-        "right_of_way": default_for("right_of_way", STEERED),
+        "right_of_way": default_for("right_of_way", SLOW_STEERED),
     }
     sections = {
         "name": problem.name[:200],

@@ -38,7 +38,6 @@ from automaton.scenario.changing_floor import (
     cells_of_path,
     cells_of_set,
 )
-from automaton.units import count
 
 STREETS: Final[Keys] = ("streets",)
 THEN: Final[Keys] = (*STREETS, "then")
@@ -159,20 +158,6 @@ def enter_streets(
             raise InvalidValueError(keys, error.message) from None
 
 
-def rules_in_words(floor_plan: FloorPlan, streets: Streets | None) -> str:
-    """What streets change on a floor, which has them: "streets: 6 moves closed"; "" if nothing."""
-    weights = streets_on(floor_plan, streets, is_closed=True)
-    possible = (floor_plan.possible_exits.reshape(-1)[:, None] >> np.arange(4)) & 1 > 0
-    numbers = (
-        (weights.closed & possible, "move", " closed"),
-        (weights.opened & ~weights.closed, "move", " opened"),
-        (weights.capacity == 1, "cell", " for 1 robot"),
-        (weights.capacity == 2, "cell", " for 2 robots"),
-    )
-    parts = [count(int(some.sum()), what) + rule for some, what, rule in numbers if some.any()]
-    return f"streets: {', '.join(parts)}" if parts else ""
-
-
 def crisscross_on(floor_plan: FloorPlan, phase: tuple[int, int]) -> StreetWeights:
     """The weights of the crisscross pattern with a phase."""
     return streets_on(floor_plan, StreetPlan(preset="crisscross", phase=phase))
@@ -272,7 +257,7 @@ def enter_path(
 # Stretches of a floor on which streets could be different.
 
 
-class Stretch(NamedTuple):
+class ChangedStretch(NamedTuple):
     """A straight run of cells, and the streets that change it."""
 
     name: str
@@ -281,7 +266,7 @@ class Stretch(NamedTuple):
     may_cut_off: bool = False  # whether they close moves
 
 
-def changed_stretches(floor_plan: FloorPlan) -> Iterator[Stretch]:
+def changed_stretches(floor_plan: FloorPlan) -> Iterator[ChangedStretch]:
     """Each stretch of capacity 1 made 2, each closed one opened, each two-way one made one-way.
 
     A stretch is a maximal run of cells along a row or a column that are alike in this. Moves of racks,
@@ -351,20 +336,20 @@ def path_of(floor_plan: FloorPlan, cells: Sequence[int]) -> dict[str, Any]:
     return {"path": [list(floor_plan.xy(cell)) for cell in (cells[0], cells[-1])]}
 
 
-def doubled(floor_plan: FloorPlan, cells: tuple[int, ...]) -> Stretch:
+def doubled(floor_plan: FloorPlan, cells: tuple[int, ...]) -> ChangedStretch:
     """A stretch of capacity 2."""
     name, place = line_of(floor_plan, cells)
-    return Stretch(f"{name}: capacity 2", cells, ({**place, "capacity": 2},))
+    return ChangedStretch(f"{name}: capacity 2", cells, ({**place, "capacity": 2},))
 
 
-def opened(floor_plan: FloorPlan, cells: tuple[int, ...]) -> Stretch:
+def opened(floor_plan: FloorPlan, cells: tuple[int, ...]) -> ChangedStretch:
     """A stretch on which robots move both ways."""
     ways = {"there": OPEN_MOVE, "back": OPEN_MOVE}
     name = f"{line_of(floor_plan, cells)[0]}: open both ways"
-    return Stretch(name, cells, ({**path_of(floor_plan, cells), **ways},))
+    return ChangedStretch(name, cells, ({**path_of(floor_plan, cells), **ways},))
 
 
-def crossed(floor_plan: FloorPlan, cells: tuple[int, ...], axis: int) -> Stretch:
+def crossed(floor_plan: FloorPlan, cells: tuple[int, ...], axis: int) -> ChangedStretch:
     """A stretch whose cells robots leave along the other axis, and enter from there."""
     beyond = tuple(cell + floor_plan.offsets[axis] for cell in cells)
     streets = tuple(
@@ -372,12 +357,12 @@ def crossed(floor_plan: FloorPlan, cells: tuple[int, ...], axis: int) -> Stretch
         for some, direction in ((cells, axis), (beyond, axis + 2))
     )
     name = f"{line_of(floor_plan, cells)[0]}: open to the {DIRECTIONS[axis]}, both ways"
-    return Stretch(name, (*cells, *beyond), streets)
+    return ChangedStretch(name, (*cells, *beyond), streets)
 
 
-def one_ways(floor_plan: FloorPlan, cells: tuple[int, ...], axis: int) -> Iterator[Stretch]:
+def one_ways(floor_plan: FloorPlan, cells: tuple[int, ...], axis: int) -> Iterator[ChangedStretch]:
     """A stretch that is one-way, in either direction."""
     name = line_of(floor_plan, cells)[0]
     for direction, shut in ((axis, "back"), (axis + 2, "there")):
         street = {**path_of(floor_plan, cells), shut: CLOSED_MOVE}
-        yield Stretch(f"{name}: one-way {DIRECTIONS[direction]}", cells, (street,), True)
+        yield ChangedStretch(f"{name}: one-way {DIRECTIONS[direction]}", cells, (street,), True)

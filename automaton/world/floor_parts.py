@@ -197,6 +197,20 @@ def check_closings(
                 yield Finding(keys, f"streets leave no way from [{x}, {y}] to [{u}, {v}]{text}")
 
 
+def streets_in_words(scenario: Scenario, floor_plan: FloorPlan) -> str:
+    """What streets change on a floor, which has them: "streets: 6 moves closed"; "" if nothing."""
+    weights = streets_on(floor_plan, scenario.streets, is_closed=True)
+    possible = (floor_plan.possible_exits.reshape(-1)[:, None] >> np.arange(4)) & 1 > 0
+    numbers = (
+        (weights.closed & possible, "move", "closed"),
+        (weights.opened & ~weights.closed, "move", "opened"),
+        (weights.capacity == 1, "cell", "for 1 robot"),
+        (weights.capacity == 2, "cell", "for 2 robots"),
+    )
+    parts = [f"{count(int(some.sum()), what)} {rule}" for some, what, rule in numbers if some.any()]
+    return f"streets: {', '.join(parts)}" if parts else ""
+
+
 def places_of(scenario: Scenario, floor_plan: FloorPlan) -> list[int]:
     """The cells that robots need: starts, homes, stations, chargers, and where slots are served.
 

@@ -13,7 +13,6 @@ import msgspec
 
 from automaton.errors import InvalidValueError
 from automaton.floor.floor_plan import FloorPlan
-from automaton.scenario.changing_floor import Streets
 from automaton.scenario.order_lines import Day, carries_pods, pod_cells, pod_names
 from automaton.scenario.refinement import refined, refined_value, too_long
 from automaton.scenario.schema import LAYER_NAMES, Scenario
@@ -22,7 +21,7 @@ from automaton.scenario.validation import Conversion
 from automaton.strategy.lookup import NoParameters, ZoningParameters, zoning_parameters_of
 from automaton.units import count
 from automaton.world.capabilities import FleetOnFloor, Start
-from automaton.world.floor_parts import all_station_names, with_speed_limits
+from automaton.world.floor_parts import all_station_names, streets_in_words, with_speed_limits
 
 
 class StrategyChoice(NamedTuple):
@@ -49,7 +48,7 @@ class Resolved:
     coarse: Resolved | None = None  # in coarse ticks, if this is in finer ones
     # The allocation of each type of robots that has its own; None: that of `strategies`.
     own_allocations: tuple[StrategyChoice | None, ...] = ()
-    own_streets: Streets | None = None  # as the scenario has them, before their file was read
+    own_streets: Any = None  # Streets as the scenario has them, before their file was read
     days: tuple[Day, ...] = ()  # files of orders or lines; a seed draws one of them
     day: int = 0  # the one whose orders the scenario has
     day_pattern: str = ""  # that the files match; "" if the scenario names a single one
@@ -63,6 +62,11 @@ class Resolved:
     def order_file(self) -> ReadFile | None:
         """The file of its orders or lines."""
         return self.days[self.day].file if self.days else None
+
+    @property
+    def streets_in_words(self) -> str:
+        """What its streets change on the floor; "" if they change nothing but weights."""
+        return streets_in_words(self.scenario, self.floor_plan)
 
     @property
     def has_same_orders(self) -> bool:

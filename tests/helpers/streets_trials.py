@@ -193,9 +193,9 @@ def single_lane(rng: np.random.Generator) -> Planted:
     doubles = [side for side in sides if side is not single]
     for side in doubles:
         x, y = side[int(rng.integers(1, len(side) - 1))]
-        rows[y][x] = "t"
+        rows[y][x] = "k"
     scenario = traffic("single-lane", rows, 8)
-    scenario["layout"]["legend"] = {"t": {"kind": "station", "capacity": 2}}
+    scenario["layout"]["legend"] = {"k": {"kind": "station", "capacity": 2}}
     (x, y), (u, v) = single[0], single[-1]
     line = f"row {y}, columns {x} to {u}" if y == v else f"column {x}, rows {y} to {v}"
     return Planted(scenario, change=f"{line}: capacity 2")

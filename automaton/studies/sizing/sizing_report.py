@@ -223,8 +223,8 @@ def looser(target: Target, bound: DayBound) -> str:
     if bound.value is not None and target.met(bound.value):
         return ""
     return (
-        f". This bound comes from those days alone, with {shown_share(1 - bound.error)} confidence, so it "
-        f"may be looser than {target.text}. It does not contradict the verdict, which rests on other days"
+        f". This bound comes from those days alone, with {shown_share(1 - bound.error)} confidence, so "
+        f"it may be looser than {target.text}. It does not contradict the verdict, which rests on other days"
     )
 
 
@@ -281,33 +281,23 @@ def label(strategy: str) -> str:
 
 def sentence(search: FleetSearch, session: SizingSession) -> str:
     """The answer for one strategy, in words."""
-    answer, last, many = search.answer, session.question.last, session.question.quantity.many
+    question, answer, many = session.question, search.answer, session.question.quantity.many
     if answer.kind == "answered":
-        size = answer.size or 0
-        return many(size) + untried_text(search, size, session.question.step)
+        return many(answer.size or 0) + untried_text(search, answer.size or 0, question.step)
     if answer.kind == "not reachable":
-        return f"not reachable up to {many(last)}"
-    if answer.size is not None:
-        return undecided_below(search, session, answer.size)
-    between = f"between {answer.least} and {last}, or more"
-    if answer.least == last:
-        between = f"whether {many(last)} are enough"
+        return f"not reachable up to {many(question.last)}"
     share = f"its share of the budget, {search.budget:,} runs, is spent"
-    spent = share if len(session.question.strategies) > 1 else "the budget is spent"
+    spent = share if len(question.strategies) > 1 else "the budget is spent"
     why = spent if session.complete else "interrupted"
+    if answer.size:
+        tested = [one for one in search.candidates if one.verdict == "undecided" and one.runs]
+        known = [f"{one.place.size}: {evidence(one, question)}" for one in tested]
+        enough = f"{many(answer.size)} are enough; undecided from {answer.least} to"
+        return f"{enough} {answer.size - 1} ({'; '.join([*known, why])})"
+    between = f"between {answer.least} and {question.last}, or more"
+    if answer.least == question.last:
+        between = f"whether {many(question.last)} are enough"
     return f"undecided {between} ({why})"
-
-
-def undecided_below(search: FleetSearch, session: SizingSession, size: int) -> str:
-    """The answer if a fleet has passed, and smaller ones are undecided."""
-    question, known = session.question, []
-    for one in search.candidates:
-        if one.verdict == "undecided" and one.place.size < size and one.runs:
-            known.append(f"{one.place.size}: {evidence(one, question)}")
-    enough = f"{question.quantity.many(size)} {'is' if size == 1 else 'are'} enough"
-    why = "a larger --budget decides" if session.complete else "interrupted"
-    rest = "; ".join([*known, why])
-    return f"{enough}; undecided from {search.answer.least} to {size - 1} ({rest})"
 
 
 def evidence(candidate: Candidate, question: Question) -> str:

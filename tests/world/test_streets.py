@@ -103,7 +103,14 @@ def test_an_open_move_is_made_against_the_arrows_and_after_an_earlier_street() -
         (way_in, 0),
         ([*way_in, {"row": 0, "west": "open"}], 1),
         ([*way_in, {"row": 0, "west": "open"}, {"row": 0, "west": "closed"}], 0),
-        ([*way_in, {"row": 0, "west": "closed"}, {"path": [[0, 0], [5, 0]], "back": "open"}], 1),
+        (
+            [
+                *way_in,
+                {"row": 0, "east": "closed"},
+                {"path": [[0, 0], [5, 0]], "there": "open", "back": "open"},
+            ],
+            1,
+        ),
         ({"preset": "crisscross", "then": [*way_in, {"row": 0, "west": "open"}]}, 1),
     ):
         exits = resolve(scenario(streets, ONE_WAY)).floor_plan.exits
@@ -118,9 +125,8 @@ def test_robots_pass_each_other_on_a_street_of_capacity_2() -> None:
     data["orders"] = {"tasks": [[[5, 0]], [[0, 0]]], "assign": "round-robin"}
     assert automaton.simulate(data).finished
     assert (resolve(data).floor_plan.capacity[1, 1:-1] == 2).all()
+    assert not automaton.simulate({**data, "streets": None}).finished
     data["streets"].append({"at": [3, 0], "capacity": 1})
-    data["strategy"] = {"right_of_way": "wait"}
-    assert not automaton.simulate(data).finished
     assert resolve(data).streets_in_words == "streets: 1 cell for 1 robot, 5 cells for 2 robots"
 
 

@@ -174,31 +174,23 @@ def closed_row(rng: np.random.Generator) -> Planted:
 
 
 def single_lane(rng: np.random.Generator) -> Planted:
-    """Two rings of double lanes side by side, one side of which is a single lane."""
-    width, height = 2 * int(rng.integers(5, 8)) + 1, int(rng.integers(6, 10))
-    middle, last = width // 2, height - 1
+    """Two rings of double lanes and a way between them, a part of which is a single lane."""
+    side, height, length = 5, int(rng.integers(5, 8)), int(rng.integers(7, 12))
+    width, y = 2 * side + length, int(rng.integers(1, height - 1))
     rows = [["#"] * width for _ in range(height)]
-    sides = [  # without their corners
-        *([(x, y) for x in range(1, middle)] for y in (0, last)),
-        *([(x, y) for x in range(middle + 1, width - 1)] for y in (0, last)),
-        *([(x, y) for y in range(1, last)] for x in (0, middle, width - 1)),
-    ]  # fmt: skip
-    for x, y in [cell for side in sides for cell in side]:
-        rows[y][x] = "="
-    for x in (0, middle, width - 1):
-        rows[0][x] = rows[last][x] = "="
-    single = sides[int(rng.integers(len(sides)))]
-    for x, y in single:
-        rows[y][x] = "."
-    doubles = [side for side in sides if side is not single]
-    for side in doubles:
-        x, y = side[int(rng.integers(1, len(side) - 1))]
-        rows[y][x] = "k"
-    scenario = traffic("single-lane", rows, 8)
+    for first in (0, width - side):
+        for row in (0, height - 1):
+            rows[row][first : first + side] = "=" * side
+            rows[row][first + int(rng.integers(1, side - 1))] = "k"
+        for row in rows:
+            row[first] = row[first + side - 1] = "="
+    rows[y][side : side + length] = "=" * length
+    single = int(rng.integers(3, 6))
+    x = side + int(rng.integers(1, length - single))
+    rows[y][x : x + single] = "." * single
+    scenario = traffic("single-lane", rows, 10)
     scenario["layout"]["legend"] = {"k": {"kind": "station", "capacity": 2}}
-    (x, y), (u, v) = single[0], single[-1]
-    line = f"row {y}, columns {x} to {u}" if y == v else f"column {x}, rows {y} to {v}"
-    return Planted(scenario, change=f"{line}: capacity 2")
+    return Planted(scenario, change=f"row {y}, columns {x} to {x + single - 1}: capacity 2")
 
 
 PLANTED = (slow_station, slow_robot, closed_chargers, closed_row, single_lane)

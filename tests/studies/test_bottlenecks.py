@@ -130,7 +130,7 @@ def test_each_kind_of_change_is_tried_as_a_setting(tmp_path: Path) -> None:
 
 STREETS: dict[str, Any] = {
     "name": "streets",
-    "layout": {"picture": ">>>>>>\n^=##.v\n^<<<<v\n......"},
+    "layout": {"picture": ">>>>>v\n^=##.v\n^<<<<v\n......"},
     "fleet": {"robots": 2, "kinematics": "omni", "start": [[0, 0], [1, 0]]},
     "orders": {"generator": "tours", "count": 9},
     "strategy": {"right_of_way": "pibt"},
@@ -150,9 +150,9 @@ def test_streets_are_doubled_opened_and_made_one_way(tmp_path: Path) -> None:
     assert streets["row 0, columns 0 to 5: open both ways"] == [
         {"path": [[0, 0], [5, 0]], "there": "open", "back": "open"}
     ]
-    assert streets["row 2, columns 1 to 4: open to the south, both ways"] == [
-        {"row": 2, "columns": [1, 4], "south": "open"},
-        {"row": 3, "columns": [1, 4], "north": "open"},
+    assert streets["row 2, columns 2 to 3: open to the south, both ways"] == [
+        {"row": 2, "columns": [2, 3], "south": "open"},
+        {"row": 3, "columns": [2, 3], "north": "open"},
     ]
     assert changes.refused == ()
 
@@ -193,9 +193,9 @@ def test_streets_are_tried_by_the_flow_beside_them(tmp_path: Path) -> None:
     path.write_text(json.dumps(STREETS))
     floor_plan = resolve(path).floor_plan
     flow = np.zeros(floor_plan.kind.size)
-    flow[floor_plan.cell(4, 1)] = 9.0
+    flow[[floor_plan.cell(x, 3) for x in range(6)]] = 9.0
     changes = listed(path, STREETS, kinds=("place",), flow=flow, most=1)
-    assert [one.name for one in changes.tried] == ["column 4, rows 0 to 1: open both ways"]
+    assert [one.name for one in changes.tried] == ["row 3, columns 0 to 5: capacity 2"]
 
 
 def test_parts_and_stops_are_processed_in_half_the_time(tmp_path: Path) -> None:

@@ -91,6 +91,45 @@ def test_a_closed_move_is_no_move_of_the_floor() -> None:
     assert not len(floor_plan.move_weights)  # all weights are 1
 
 
+ONE_WAY = """\
+>>>>>v
+^.##.v
+^<<<<<"""
+
+
+def test_an_open_move_is_made_against_the_arrows_and_after_an_earlier_street() -> None:
+    way_in = [{"column": 1, "rows": [0, 2], "south": "open", "north": "open"}]
+    for streets, is_open in (
+        (way_in, 0),
+        ([*way_in, {"row": 0, "west": "open"}], 1),
+        ([*way_in, {"row": 0, "west": "open"}, {"row": 0, "west": "closed"}], 0),
+        (
+            [
+                *way_in,
+                {"row": 0, "east": "closed"},
+                {"path": [[0, 0], [5, 0]], "there": "open", "back": "open"},
+            ],
+            1,
+        ),
+        ({"preset": "crisscross", "then": [*way_in, {"row": 0, "west": "open"}]}, 1),
+    ):
+        exits = resolve(scenario(streets, ONE_WAY)).floor_plan.exits
+        assert [int(exits[1, 1 + x]) >> WEST & 1 for x in range(6)] == [0] + [is_open] * 5
+        assert int(exits[2, 2]) >> NORTH & 1 and not int(exits[2, 2]) >> EAST & 1
+
+
+def test_robots_pass_each_other_on_a_street_of_capacity_2() -> None:
+    """In a corridor without a passing place."""
+    data = scenario([{"row": 0, "capacity": 2}], "......")
+    data["fleet"] = {"robots": 2, "start": [[0, 0], [5, 0]], "kinematics": "omni"}
+    data["orders"] = {"tasks": [[[5, 0]], [[0, 0]]], "assign": "round-robin"}
+    assert automaton.simulate(data).finished
+    assert (resolve(data).floor_plan.capacity[1, 1:-1] == 2).all()
+    assert not automaton.simulate({**data, "streets": None}).finished
+    data["streets"].append({"at": [3, 0], "capacity": 1})
+    assert resolve(data).streets_in_words == "streets: 1 cell for 1 robot, 5 cells for 2 robots"
+
+
 def test_a_robot_alone_takes_the_ticks_that_its_way_promises() -> None:
     """The weights send it around, from [0, 0] by the outer lane; without them it goes straight."""
     away = [{"row": 0, "east": 9, "west": 9}, {"column": 0, "north": 9}]
@@ -158,8 +197,9 @@ def test_a_recording_repeats_and_a_branch_changes_weights_alone(tmp_path: Path) 
     other = branched(resolved, ("streets=[{at: [1, 0], east: closed}, {row: 1, east: 3}]",))
     assert other.floor_plan.move_weights[other.floor_plan.cell(2, 1), EAST] == 300
     assert (other.floor_plan.exits == resolved.floor_plan.exits).all()
-    with pytest.raises(InputError, match="not which moves are closed"):
-        branched(resolved, ("streets=[{row: 1, east: 3}]",))
+    for other in ("row: 1, east: 3", "at: [1, 0], east: closed, capacity: 2"):
+        with pytest.raises(InputError, match="neither closed or open moves nor capacities"):
+            branched(resolved, (f"streets=[{{{other}}}]",))
 
 
 GGO = ",".join(GGO_COLUMNS)
@@ -229,6 +269,29 @@ def test_a_wrong_file_is_refused_with_its_line(
 
 
 @pytest.mark.parametrize(
+    ("picture", "says"),
+    [
+        ("..c...\n.####.\n......", "[2, 0] is a charger, which has its capacity from the legend"),
+        ("..p...\n.####.\n......", "[2, 0] is a storage, which has room for one robot"),
+    ],
+)
+def test_cells_that_have_their_own_capacity_refuse_another(picture: str, says: str) -> None:
+    with pytest.raises(InputError, match="street 1 has a capacity, but") as refused:
+        resolve(scenario([{"row": 0, "capacity": 2}], picture))
+    assert says in str(refused.value)
+
+
+def test_an_error_beside_a_file_of_streets_has_its_own_line(tmp_path: Path) -> None:
+    (tmp_path / "streets.csv").write_text("x,y,wait\n0,0,2\n")
+    (tmp_path / "a.yaml").write_text(
+        "name: a\nlayout: {picture: '...\n\n  ...'}\nfleet: {robots: 1, start: [[0, 0]]}\n"
+        "streets:\n  file: streets.csv\n  then:\n    - {row: 0, wait: 3}\n    - {row: 7, wait: 3}\n"
+    )
+    with pytest.raises(InputError, match=r"a\.yaml:9: street 2 has the cell \[0, 7\]"):
+        resolve(tmp_path / "a.yaml")
+
+
+@pytest.mark.parametrize(
     ("streets", "says"),
     [
         ([{"row": 9, "east": 1}], "street 1 has the cell [0, 9], outside the floor of 6 x 5 cells"),
@@ -245,6 +308,12 @@ def test_a_wrong_file_is_refused_with_its_line(
         ([{"row": 0, "column": 1, "east": 1}], "exactly one of at, row, column, path and area"),
         ([{"row": 0, "east": 0}], "a number from 0.01 to 10000, or closed, found 0"),
         ([{"row": 0}], "has no weight"),
+        ([{"row": 0, "capacity": 3}], "1"),
+        ([{"at": [1, 1], "capacity": 2}], "street 1 has the cell [1, 1], a wall"),
+        ([{"row": 1, "columns": [1, 4], "capacity": 2}], "but no cell on which robots drive"),
+        ([{"row": 0, "north": "open"}], "has north, but no robot can move north from its cells"),
+        ({"preset": "crisscross", "then": [{"row": 0}]}, "has no weight"),
+        ({"preset": "crisscross", "then": [{"row": 9, "wait": 1}]}, "street 1 has the cell [0, 9]"),
         ({"preset": "criscross"}, "crisscross"),
         ({"preset": "crisscross", "file": "a.csv"}, "exactly one of file and preset"),
         ({"file": "nowhere.csv"}, "there is no file of streets 'nowhere.csv'"),
@@ -296,3 +365,54 @@ def test_check_warns_of_a_street_into_a_dead_end_under_pibt(streets: Any, warns:
         said = [text for text in scenario_warnings(resolve(data)) if "into dead ends" in text]
         assert bool(said) == (warns and row == "pibt")
         assert all("([0, 2] to [0, 3])" in text for text in said)
+
+
+def test_everything_runs_on_streets_that_are_opened_and_doubled(tmp_path: Path) -> None:
+    """Pods, doors, blocks, batteries, faults, types and delays, in half ticks, recorded and verified."""
+    data = {
+        "name": "everything",
+        "layout": {"picture": "c.....c.\n.pp..pp.\n>>>>>>>>\n..t..t..\n........"},
+        "fleet": {
+            "robots": 5,
+            "kinematics": "differential",
+            "start": "random",
+            "types": [{"name": "slow", "robots": 2, "move_time_factor": 2}, {"name": "quick"}],
+        },
+        "floor": {
+            "doors": [{"at": [4, 2], "opening_time": 3, "hold_open": 5}],
+            "blocks": [{"cells": [[0, 4], [3, 4]], "max_robots": 3}],
+        },
+        "streets": {
+            "preset": "crisscross",
+            "then": [
+                {"path": [[0, 2], [7, 2]], "back": "open", "capacity": 2},
+                {"row": 4, "capacity": 2, "columns": [1, 6]},
+                {"row": 4, "columns": [4, 6], "west": "closed"},
+            ],
+        },
+        "durations": {"turn": 2, "pick": 1, "drop": 2, "handling": {"visit": 3}},
+        "battery": {"drain": {"move": 0.4}, "charge_rate": 1},
+        "orders": {"lines": {"count": 12}},
+        "faults": {
+            "list": [{"robot": 1, "at": 40}],
+            "tow_after": 20,
+            "repair_time": 40,
+            "delays": {"probability": 0.02, "ticks": {"from": 1, "to": 4}},
+        },
+        "strategy": {
+            "allocation": {"name": "greedy", "idle": "stay"},
+            "charging": "opportunity",
+            "right_of_way": "pibt",
+        },
+        "stop": {"when": "delivered", "max_duration": 3000},
+        "refine": 2,
+    }
+    outcome = automaton.simulate(data, record=tmp_path / "a.rec")
+    assert outcome.metrics["delivered"] > 0
+    assert verify(tmp_path / "a.rec").passed
+    resolved = resolve(data)
+    assert (
+        resolved.streets_in_words
+        == "streets: 3 moves closed, 7 moves opened, 14 cells for 2 robots"
+    )
+    assert resolved_of(read_recording(tmp_path / "a.rec").header).floor_plan == resolved.floor_plan

@@ -24,10 +24,10 @@ from automaton.scenario.changing_floor import (
     MOST_WEIGHT,
     Street,
     StreetPlan,
-    Streets,
     cells_of_path,
     cells_of_set,
 )
+from automaton.scenario.changing_floor import Streets as Streets
 
 STREETS: Final[Keys] = ("streets",)
 UNIT: Final = 100  # weights are multiples of 1 / UNIT

@@ -9,13 +9,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple, Protocol
+from typing import Any, Final, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from automaton.floor.floor_plan import EAST, SOUTH, FloorPlan
 
+UNIT: Final = 100  # weights are in 1 / UNIT
 Row = dict[str, Any]  # metrics of a run by name; None for a metric that the run does not have
 
 
@@ -51,7 +52,7 @@ def stretches(floor_plan: FloorPlan) -> list[Stretch]:
 
     Neighbours belong together if a robot can move from one to the other, in whatever direction.
     """
-    exits, found = floor_plan.exits.reshape(-1), []
+    exits, maximal = floor_plan.exits.reshape(-1), []
     for along in (EAST, SOUTH):
         offset = floor_plan.offsets[along]
         joined = exits >> along & 1 | np.roll(exits, -offset) >> (along ^ 2) & 1
@@ -59,5 +60,5 @@ def stretches(floor_plan: FloorPlan) -> list[Stretch]:
             cells = [first]
             while joined[cells[-1]]:
                 cells.append(cells[-1] + offset)
-            found.append(Stretch(tuple(cells), along))
-    return found
+            maximal.append(Stretch(tuple(cells), along))
+    return maximal

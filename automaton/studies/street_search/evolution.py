@@ -154,8 +154,8 @@ class Stage:
         """The mean number of the moves of each group, within the limits."""
         logs = np.log(np.maximum(design.moves.reshape(-1), 1) / UNIT)
         wait = np.log(np.maximum(design.waits, 1) / UNIT).mean()
-        found = np.array([*(logs[moves].mean() for moves in self.groups), wait])
-        numbers: Numbers = np.clip(found, -LARGEST, LARGEST)
+        means = np.array([*(logs[moves].mean() for moves in self.groups), wait])
+        numbers: Numbers = np.clip(means, -LARGEST, LARGEST)
         return numbers
 
 

@@ -19,6 +19,7 @@ from automaton.floor.floor_plan import DIRECTIONS, EAST, FloorPlan
 from automaton.studies.inference.intervals import Effect, Interval, Values, bonferroni, effect
 from automaton.studies.reports.comparison_tables import relative_text
 from automaton.studies.street_search.designs import (
+    UNIT,
     Row,
     StreetDesign,
     StreetRuns,
@@ -31,7 +32,6 @@ SMALL_EFFECT: Final = 0.002  # of the metric: streets below it may be left out
 MOST_CHANGE: Final = 0.005  # of the metric, if such streets are left out together
 MOST_EXPLAINED: Final = 10  # streets for which groups of orders are compared
 LEAST_PAIRS: Final = 5  # of runs that have orders of a group
-UNIT: Final = 100  # weights are in 1 / UNIT
 PARTS: Final = (
     *("north-west", "north", "north-east"),
     *("west", "centre", "east"),

@@ -71,7 +71,7 @@ from automaton.studies.sweeps.sweep_plan import SweepPlan, make_sweep_plan
 from automaton.units import count
 from automaton.world.resolve import Resolved, resolve
 
-REPORTS = (("report.txt", TEXT), ("report.html", HTML))
+REPORT_FILES = (("report.txt", TEXT), ("report.html", HTML))
 MAX_RUNS = 10_000_000
 NO_STREETS = Override("streets=null", ("streets",), None)
 
@@ -172,7 +172,7 @@ def run(args: argparse.Namespace) -> int:
         seed = () if args.seed is None else (Override("--seed", ("seed",), args.seed),)
         write_scenario(path_of(args, asked), args.scenario, (*settings_of(args), *seed))
     document = document_of(result, asked, args)
-    for name, form in REPORTS:
+    for name, form in REPORT_FILES:
         Output(form, args.out / name).write(lambda: document, dict)
     if args.json:
         print_json(as_json(result, asked, args))
@@ -224,7 +224,7 @@ def question_of(args: argparse.Namespace, resolved: Resolved) -> tuple[SearchQue
     metric = args.metric or ("makespan" if ends else "throughput")
     better = direction_of(metric)
     keys = study_keys(args.scenario, "streets", scenario, levels_of(settings_of(args)))
-    keys |= {"points": [{"name": evolution.AS_IT_IS}], "replications": 1}
+    keys |= {"points": [{"name": evolution.UNCHANGED}], "replications": 1}
     keys |= {"analysis": {"metrics": [metric]}}
     try:
         plan = make_sweep_plan(Document(keys))
@@ -262,7 +262,7 @@ def planned_runs(args: argparse.Namespace, asked: Asked) -> int:
     runs += fleets * verdict.choice_runs(finalist_number(question))
     streets = len(stretches(asked.base(None).floor_plan))
     runs += fleets * most_runs(streets, args.one_way)
-    return runs + 2 * verdict.HELD_OUT_PAIRS * (len(verdict.SHARES) - 1 + fleets)
+    return runs + 2 * verdict.HELD_OUT_PAIRS * (len(verdict.FLEET_SHARES) - 1 + fleets)
 
 
 def dry_run(args: argparse.Namespace, asked: Asked) -> int:

@@ -16,9 +16,9 @@ from automaton.studies.street_search.evolution import NamedDesign, SearchQuestio
 
 SELECT_RUNS: Final = 8  # of each finalist in the first round; twice as many in each further one
 HELD_OUT_PAIRS: Final = 100
-SHARES: Final = (0.5, 0.75, 1.0, 1.25)  # of the robots, for the verdict
+FLEET_SHARES: Final = (0.5, 0.75, 1.0, 1.25)  # of the robots, for the verdict
 SIDE_METRICS: Final = ("lead_time_p95", "oldest_order", "detour_share")  # the lowest is best
-WORSE: Final = 0.10  # by more than this share a side metric gives a warning
+MUCH_WORSE: Final = 0.10  # by more than this share a side metric gives a warning
 
 
 class ChosenDesign(NamedTuple):
@@ -85,11 +85,11 @@ class FleetVerdict(NamedTuple):
 
     @property
     def warnings(self) -> list[str]:
-        """A phrase for each side metric that is worse by more than WORSE."""
+        """A phrase for each side metric that is worse by more than MUCH_WORSE."""
         phrases = []
         for name, one in self.beside.items():
             change = one.difference if name == "detour_share" else one.relative
-            if change is not None and change.value > WORSE:
+            if change is not None and change.value > MUCH_WORSE:
                 unit = "percentage points" if name == "detour_share" else "%"
                 phrases.append(f"{name} {100 * change.value:+.0f} {unit}")
         return phrases
@@ -97,7 +97,7 @@ class FleetVerdict(NamedTuple):
 
 def fleets_of(asked: Sequence[int]) -> list[int]:
     """The fleets of the verdict: those asked for, and shares of the largest."""
-    return sorted({*asked, *(max(2, round(share * max(asked))) for share in SHARES)})
+    return sorted({*asked, *(max(2, round(share * max(asked))) for share in FLEET_SHARES)})
 
 
 def judge(

@@ -20,9 +20,9 @@ from automaton.studies.street_search import evolution, finishing, verdict
 from automaton.studies.street_search.candidates import CANDIDATES_FILE
 from automaton.studies.street_search.designs import StreetDesign, stretches
 from automaton.studies.street_search.evolution import (
-    UNCHANGED,
     ROWS,
     STRETCHES,
+    UNCHANGED,
     NamedDesign,
     SearchQuestion,
     Stage,

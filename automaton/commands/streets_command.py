@@ -71,7 +71,7 @@ from automaton.studies.sweeps.sweep_plan import SweepPlan, make_sweep_plan
 from automaton.units import count
 from automaton.world.resolve import Resolved, resolve
 
-REPORTS = (("report.txt", TEXT), ("report.html", HTML))
+REPORT_FILES = (("report.txt", TEXT), ("report.html", HTML))
 MAX_RUNS = 10_000_000
 NO_STREETS = Override("streets=null", ("streets",), None)
 
@@ -86,7 +86,7 @@ class Asked(NamedTuple):
     plan: SweepPlan  # of the scenario as it is
 
 
-class Found(NamedTuple):
+class StreetResult(NamedTuple):
     """The results of a search."""
 
     search: evolution.SearchResult
@@ -166,21 +166,21 @@ def run(args: argparse.Namespace) -> int:
         return dry_run(args, asked)
     if args.out.exists() and not args.out.is_dir():
         raise InputError("is not a folder", str(args.out))
-    found = searched(args, asked)
-    if found.finished is not None:
-        write_streets(args.out, asked.base(None).floor_plan, found.finished.design)
+    result = searched(args, asked)
+    if result.finished is not None:
+        write_streets(args.out, asked.base(None).floor_plan, result.finished.design)
         seed = () if args.seed is None else (Override("--seed", ("seed",), args.seed),)
         write_scenario(path_of(args, asked), args.scenario, (*settings_of(args), *seed))
-    document = document_of(found, asked, args)
-    for name, form in REPORTS:
+    document = document_of(result, asked, args)
+    for name, form in REPORT_FILES:
         Output(form, args.out / name).write(lambda: document, dict)
     if args.json:
-        print_json(as_json(found, asked, args))
+        print_json(as_json(result, asked, args))
     else:
         print_document(document)
-    if found.failed:
-        note(f"{count(found.failed, 'run')} failed; the column error of the rows says why")
-    return 0 if found.holds(asked.question) else 1
+    if result.failed:
+        note(f"{count(result.failed, 'run')} failed; the column error of the rows says why")
+    return 0 if result.holds(asked.question) else 1
 
 
 def asked_of(args: argparse.Namespace) -> Asked:
@@ -193,14 +193,18 @@ def asked_of(args: argparse.Namespace) -> Asked:
     if not args.robots and scenario.fleet.robots < 2:
         raise InputError("streets need at least two robots, which get out of each other's way",
                          args.scenario)  # fmt: skip
-    kept = Override("right of way", ("strategy", "right_of_way"), scenario.strategy.right_of_way)
+    same_rule = Override(
+        "right of way", ("strategy", "right_of_way"), scenario.strategy.right_of_way
+    )
 
     @cache
     def base(robots: int | None) -> Resolved:
         more = (
             () if robots is None else (Override(f"--robots {robots}", ("fleet", "robots"), robots),)
         )
-        return resolve(args.scenario, (*settings, NO_STREETS, kept, *more), args.seed).unrefined
+        return resolve(
+            args.scenario, (*settings, NO_STREETS, same_rule, *more), args.seed
+        ).unrefined
 
     floor_plan = base(None).floor_plan
     as_it_is = evolution.design_of(floor_plan, scenario.streets)
@@ -220,7 +224,7 @@ def question_of(args: argparse.Namespace, resolved: Resolved) -> tuple[SearchQue
     metric = args.metric or ("makespan" if ends else "throughput")
     better = direction_of(metric)
     keys = study_keys(args.scenario, "streets", scenario, levels_of(settings_of(args)))
-    keys |= {"points": [{"name": evolution.AS_IT_IS}], "replications": 1}
+    keys |= {"points": [{"name": evolution.UNCHANGED}], "replications": 1}
     keys |= {"analysis": {"metrics": [metric]}}
     try:
         plan = make_sweep_plan(Document(keys))
@@ -253,12 +257,12 @@ def finalist_number(question: SearchQuestion) -> int:
 def planned_runs(args: argparse.Namespace, asked: Asked) -> int:
     """The runs of search, choice, reasons (at most) and verdict."""
     question, fleets = asked.question, len(asked.question.robots)
-    made = fleets * evolution.START_RUNS * len(evolution.start_phases())
-    made += fleets * sum(number * population for _, number, population in stages_of(question))
-    made += fleets * verdict.choice_runs(finalist_number(question))
+    runs = fleets * evolution.START_RUNS * len(evolution.start_phases())
+    runs += fleets * sum(number * population for _, number, population in stages_of(question))
+    runs += fleets * verdict.choice_runs(finalist_number(question))
     streets = len(stretches(asked.base(None).floor_plan))
-    made += fleets * most_runs(streets, args.one_way)
-    return made + 2 * verdict.HELD_OUT_PAIRS * (len(verdict.SHARES) - 1 + fleets)
+    runs += fleets * most_runs(streets, args.one_way)
+    return runs + 2 * verdict.HELD_OUT_PAIRS * (len(verdict.FLEET_SHARES) - 1 + fleets)
 
 
 def dry_run(args: argparse.Namespace, asked: Asked) -> int:
@@ -296,7 +300,7 @@ def dry_run(args: argparse.Namespace, asked: Asked) -> int:
 # The search, the choice and the verdict.
 
 
-def searched(args: argparse.Namespace, asked: Asked) -> Found:
+def searched(args: argparse.Namespace, asked: Asked) -> StreetResult:
     """Search, choose and test, with progress on stderr. Raises InputError."""
     from automaton.studies.street_search.design_runs import design_runs
 
@@ -329,7 +333,7 @@ def searched(args: argparse.Namespace, asked: Asked) -> Found:
                 last = finished(chosen, context_of(args, asked, runs), args.one_way)
                 fleets, refused = judged(asked, last.design, runs)
             failed = sum(row["error"] is not None for row in runs.rows.values())
-    return Found(search, choice, fleets, refused, failed, last)
+    return StreetResult(search, choice, fleets, refused, failed, last)
 
 
 def context_of(args: argparse.Namespace, asked: Asked, runs: Any) -> DesignContext:
@@ -384,40 +388,42 @@ def judged(
 # The report.
 
 
-def document_of(found: Found, asked: Asked, args: argparse.Namespace) -> ReportDocument:
+def document_of(result: StreetResult, asked: Asked, args: argparse.Namespace) -> ReportDocument:
     """Question, answer, fleets, search, and the command that repeats it."""
     name, question = asked.resolved.scenario.name, asked.question
     document = ReportDocument(name, [Heading(f"{name}: streets", 1)])
     direction = "highest" if question.is_higher_better else "lowest"
     unit, meaning = described(question.metric)
-    generations = count(len(found.search.generations), "generation")
+    generations = count(len(result.search.generations), "generation")
     text = (
         f"Which weights of streets give the {direction} {question.metric} ({unit}: {meaning})? "
-        f"{generations} of designs, then {count(len(found.search.finalists), 'finalist')} in "
-        f"{count(found.choice.rounds, 'round')} with {found.choice.runs:,} runs, then "
+        f"{generations} of designs, then {count(len(result.search.finalists), 'finalist')} in "
+        f"{count(result.choice.rounds, 'round')} with {result.choice.runs:,} runs, then "
         f"{verdict.HELD_OUT_PAIRS} pairs of runs for each fleet, with seeds that search and choice "
         "did not use."
     )
     document.add(Heading("Question"), Text(text), Heading("Answer"))
-    document.add(Listed(list(answer(found, asked)), strong=True))
-    if found.fleets:
-        document.add(*fleet_blocks(found, question))
-    if found.finished is not None:
+    document.add(Listed(list(answer(result, asked)), strong=True))
+    if result.fleets:
+        document.add(*fleet_blocks(result, question))
+    if result.finished is not None:
         is_ascii = not (sys.stdout.encoding or "").lower().startswith("utf")
         floor_plan = asked.base(None).floor_plan
-        document.add(*blocks_of(found.finished, floor_plan, question.metric, found.total, is_ascii))
-    document.add(Heading("Search"), *search_blocks(found, question))
-    document.add(Heading("Files"), Listed(list(files(found, asked, args)), mark=""))
+        document.add(
+            *blocks_of(result.finished, floor_plan, question.metric, result.total, is_ascii)
+        )
+    document.add(Heading("Search"), *search_blocks(result, question))
+    document.add(Heading("Files"), Listed(list(files(result, asked, args)), mark=""))
     return document
 
 
-def answer(found: Found, asked: Asked) -> Iterator[str]:
+def answer(result: StreetResult, asked: Asked) -> Iterator[str]:
     """The gain in a sentence for each fleet that was asked for."""
     question = asked.question
-    if not found.choice.place:
+    if not result.choice.place:
         yield "No gain that holds: no design was better than the scenario as it is in the choice."
         return
-    for one in found.fleets:
+    for one in result.fleets:
         if not one.is_asked:
             continue
         share = None if one.gain is None else one.gain.relative
@@ -430,16 +436,16 @@ def answer(found: Found, asked: Asked) -> Iterator[str]:
         )
         if one.warnings:
             yield f"Worse with {one.robots:,} robots: {'; '.join(one.warnings)}."
-    yield f"The design is '{found.chosen.name}'."
+    yield f"The design is '{result.chosen.name}'."
 
 
-def fleet_blocks(found: Found, question: SearchQuestion) -> Iterator[Block]:
+def fleet_blocks(result: StreetResult, question: SearchQuestion) -> Iterator[Block]:
     """The table of fleets, and how to read it."""
     sides = [
-        name for name in verdict.SIDE_METRICS if any(name in one.beside for one in found.fleets)
+        name for name in verdict.SIDE_METRICS if any(name in one.beside for one in result.fleets)
     ]
     rows = []
-    for one in found.fleets:
+    for one in result.fleets:
         gain = "too few pairs" if one.gain is None else relative_text(one.gain.relative)
         cells = [f"{one.robots:,}{' *' if one.is_asked else ''}", *(f"{m:,.5g}" for m in one.means)]
         beside = [side_text(one, name) for name in sides]
@@ -450,15 +456,15 @@ def fleet_blocks(found: Found, question: SearchQuestion) -> Iterator[Block]:
     lines += [
         f"{one.robots:,} robots: {count(one.pairs, 'pair')}; without {question.metric} or unfinished: "
         f"{one.unfinished[0]:,} runs as it is, {one.unfinished[1]:,} with streets."
-        for one in found.fleets
+        for one in result.fleets
         if any(one.unfinished)
     ]
     lines += [
         f"{one.robots:,} robots, worse by more than 10 %: {'; '.join(one.warnings)}."
-        for one in found.fleets
+        for one in result.fleets
         if one.warnings
     ]
-    lines += [f"Not possible with {refused}" for refused in found.refused]
+    lines += [f"Not possible with {refused}" for refused in result.refused]
     yield Listed(lines, mark="")
 
 
@@ -472,13 +478,13 @@ def side_text(one: verdict.FleetVerdict, name: str) -> str:
     return f"{100 * effect.relative.value:+.1f} %"
 
 
-def search_blocks(found: Found, question: SearchQuestion) -> Iterator[Block]:
+def search_blocks(result: StreetResult, question: SearchQuestion) -> Iterator[Block]:
     """The curve of the search."""
     lines = []
     for stage, *_ in stages_of(question):
         of_stage = [
             one
-            for one in found.search.generations
+            for one in result.search.generations
             if one.stage == stage and math.isfinite(one.mean)
         ]
         means = [one.mean for one in of_stage]
@@ -489,7 +495,7 @@ def search_blocks(found: Found, question: SearchQuestion) -> Iterator[Block]:
         title = f"{question.metric}: mean of the designs of a generation"
         yield Curves(title, "generation", described(question.metric)[0], lines)
     yield Text(
-        "All designs of a generation run with the same seed, each generation has another. These figures "
+        "All designs of a generation run with the same seed, each generation has another. These means "
         "choose designs; the gain is that of the answer."
     )
 
@@ -499,9 +505,9 @@ def path_of(args: argparse.Namespace, asked: Asked) -> Path:
     return scenario_path(args.out, asked.resolved.scenario.name)
 
 
-def files(found: Found, asked: Asked, args: argparse.Namespace) -> Iterator[str]:
+def files(result: StreetResult, asked: Asked, args: argparse.Namespace) -> Iterator[str]:
     """What the folder has, and the command that repeats the search."""
-    if found.choice.place:
+    if result.choice.place:
         path = path_of(args, asked)
         yield f"streets: {args.out / STREETS_FILE}; scenario with them: {path}"
         yield f"watch: automaton watch {shlex.quote(str(path))}"
@@ -537,11 +543,11 @@ def finished_record(last: FinishedDesign | None, asked: Asked) -> dict[str, Any]
     return {"one_way": one_way, "left_out": left_out, "reasons": reasons}
 
 
-def as_json(found: Found, asked: Asked, args: argparse.Namespace) -> dict[str, Any]:
+def as_json(result: StreetResult, asked: Asked, args: argparse.Namespace) -> dict[str, Any]:
     """The results as one object."""
     question = asked.question
     fleets = []
-    for one in found.fleets:
+    for one in result.fleets:
         record: dict[str, Any] = {
             "robots": one.robots,
             "asked": one.is_asked,
@@ -563,12 +569,12 @@ def as_json(found: Found, asked: Asked, args: argparse.Namespace) -> dict[str, A
         "better": "highest" if question.is_higher_better else "lowest",
         "seed": question.seed,
         "out": str(args.out),
-        "design": found.chosen.name,
-        "finalists": [one.name for one in found.search.finalists],
-        "generations": [one._asdict() for one in found.search.generations],
+        "design": result.chosen.name,
+        "finalists": [one.name for one in result.search.finalists],
+        "generations": [one._asdict() for one in result.search.generations],
         "fleets": fleets,
-        "refused": found.refused,
-        **finished_record(found.finished, asked),
-        "is_gain": found.holds(question),
-        "failed": found.failed,
+        "refused": result.refused,
+        **finished_record(result.finished, asked),
+        "is_gain": result.holds(question),
+        "failed": result.failed,
     }

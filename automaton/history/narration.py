@@ -56,7 +56,7 @@ class Scope(NamedTuple):
     first: int = 0  # the tick after which the description begins
 
 
-class Stretch(NamedTuple):
+class Passage(NamedTuple):
     """The sentences about a stretch of ticks."""
 
     tick: int  # the last tick
@@ -76,7 +76,7 @@ def kinds_named(names: Sequence[str]) -> frozenset[str]:
     return kinds or frozenset(KINDS)
 
 
-def narrate(run: WatchedRun, scope: Scope) -> Iterator[Stretch]:
+def narrate(run: WatchedRun, scope: Scope) -> Iterator[Passage]:
     """Play a run to its end, and yield the sentences about each stretch when it is over."""
     narration = Narration(run, scope)
     while run.tick < scope.first and _go_on(run, scope.first):
@@ -137,7 +137,7 @@ class Narration:
         if self._run.tick % STRETCH_TICKS == 0:
             self._note_jam(simulation)
 
-    def take(self, begun: int) -> Stretch:
+    def take(self, begun: int) -> Passage:
         """Return the chosen sentences about the ticks after `begun`, and discard all candidates."""
         chosen: list[tuple[int, str]] = []
         for turn in range(self._scope.sentences):
@@ -155,7 +155,7 @@ class Narration:
             lines.append(f"ticks {begun + 1:,} to {self._run.tick:,}, left out: {more}")
         self._candidates = {kind: Candidates() for kind in self._candidates}
         self._place = 0
-        return Stretch(self._run.tick, lines)
+        return Passage(self._run.tick, lines)
 
     def _room(self, kind: str, many: int) -> int:
         """Count `many` events of a kind; return how many of them may get a sentence."""

@@ -34,10 +34,10 @@ from automaton.scenario.changing_floor import (
     OPEN_MOVE,
     Street,
     StreetPlan,
-    Streets,
     cells_of_path,
     cells_of_set,
 )
+from automaton.scenario.changing_floor import Streets as Streets
 
 STREETS: Final[Keys] = ("streets",)
 THEN: Final[Keys] = (*STREETS, "then")

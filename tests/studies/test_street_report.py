@@ -118,7 +118,10 @@ def test_what_became_one_way_and_what_was_left_out_is_said() -> None:
         "two-way: 0 that robots need both ways, 1 that do better so"
     )
     assert one_way_words(kept._replace(is_kept=False)).startswith("weights alone stay, because")
-    assert one_way_words(OneWay(design, (), (), (), None, False)).startswith("no street can be")
+    none = OneWay(design, (), (), (), None, False)
+    assert one_way_words(none).startswith("no street is one-way: no move costs 4 times")
+    needed = one_way_words(none._replace(two_way=(1,)))  # type: ignore[arg-type]
+    assert needed.startswith("no street is one-way; two-way: 1 that robots need both ways")
     less = FewerStreets(design, (street,), worth.worth, True)
     change = " (-0.2 % (-0.4 to -0.0))"
     assert fewer_words(less) == f"streets left out because they have no effect: 1{change}"

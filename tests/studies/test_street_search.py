@@ -20,9 +20,9 @@ from automaton.studies.street_search import evolution, finishing, verdict
 from automaton.studies.street_search.candidates import CANDIDATES_FILE
 from automaton.studies.street_search.designs import StreetDesign, stretches
 from automaton.studies.street_search.evolution import (
-    AS_IT_IS,
     ROWS,
     STRETCHES,
+    UNCHANGED,
     NamedDesign,
     SearchQuestion,
     Stage,
@@ -49,7 +49,7 @@ def small(monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.setattr(evolution, name, value)
     monkeypatch.setattr(verdict, "SELECT_RUNS", 2)
     monkeypatch.setattr(verdict, "HELD_OUT_PAIRS", 3)
-    monkeypatch.setattr(verdict, "SHARES", (1.0,))
+    monkeypatch.setattr(verdict, "FLEET_SHARES", (1.0,))
     for name in ("SELECT_RUNS_EACH", "REASON_PAIRS", "LOSS_PAIRS"):
         monkeypatch.setattr(finishing, name, 2)
     monkeypatch.setattr(pools, "LocalPool", OwnThread)
@@ -189,7 +189,7 @@ def test_a_design_whose_runs_do_not_finish_is_never_chosen() -> None:
         ]
 
     none = StreetDesign(np.full((1, 4), UNIT), np.full(1, UNIT), np.zeros((1, 4), np.bool_))
-    finalists = [NamedDesign(AS_IT_IS, none), NamedDesign("jams", none)]
+    finalists = [NamedDesign(UNCHANGED, none), NamedDesign("jams", none)]
     assert verdict.choose(question(), finalists, runs).place == 0
     judged = verdict.judge(question(), none, none, runs, 8, True)
     assert judged.gain is None and not judged.is_gain(True)

@@ -44,9 +44,9 @@ class CandidateLog:
                 self.damaged_from = number
                 break
             self.generations.append(np.array(record["numbers"]))
-        kept = [line_of(asked)]
-        kept += [line_of(known) for known in map(self._record, range(len(self.generations)))]
-        self._replace(kept)
+        lines_left = [line_of(asked)]
+        lines_left += [line_of(known) for known in map(self._record, range(len(self.generations)))]
+        self._replace(lines_left)
 
     def _record(self, index: int) -> dict[str, Any]:
         return {"generation": index + 1, "numbers": self.generations[index].tolist()}

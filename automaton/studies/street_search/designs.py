@@ -51,7 +51,7 @@ def stretches(floor_plan: FloorPlan) -> list[Stretch]:
 
     Neighbours belong together if a robot can move from one to the other, in whatever direction.
     """
-    exits, found = floor_plan.exits.reshape(-1), []
+    exits, maximal = floor_plan.exits.reshape(-1), []
     for along in (EAST, SOUTH):
         offset = floor_plan.offsets[along]
         joined = exits >> along & 1 | np.roll(exits, -offset) >> (along ^ 2) & 1
@@ -59,5 +59,5 @@ def stretches(floor_plan: FloorPlan) -> list[Stretch]:
             cells = [first]
             while joined[cells[-1]]:
                 cells.append(cells[-1] + offset)
-            found.append(Stretch(tuple(cells), along))
-    return found
+            maximal.append(Stretch(tuple(cells), along))
+    return maximal

@@ -29,17 +29,17 @@ from automaton.studies.sweeps.run_keys import seed_of
 Numbers = NDArray[np.float64]
 
 ROWS, STRETCHES = DETAILS = ("rows", "stretches")
-LARGEST: Final = 4.0  # number: a weight of e^4, about 55
+LARGEST_NUMBER: Final = 4.0  # number: a weight of e^4, about 55
 FIRST_POPULATION: Final = 24
 POPULATION: Final = 32
 FIRST_SHARE: Final = 0.6  # of the runs, for the first of two stages
 STEP_FROM_ONES: Final = 0.5  # of the first stage if it begins without weights
 FIRST_STEP: Final = 0.3
-STEP: Final = 0.15
+LATER_STEP: Final = 0.15
 RESAMPLING: Final = 10  # tries to draw numbers within their limits, before they are cut
 START_RUNS: Final = 8
 FINALIST_EVERY: Final = 10  # generations
-AS_IT_IS: Final = "as it is"
+UNCHANGED: Final = "as it is"
 INSTALL: Final = "pip install 'fleet-automaton[optimize]'"
 
 
@@ -155,8 +155,8 @@ class Stage:
         """The mean number of the moves of each group, within the limits."""
         logs = np.log(np.maximum(design.moves.reshape(-1), 1) / WEIGHT_UNIT)
         wait = np.log(np.maximum(design.waits, 1) / WEIGHT_UNIT).mean()
-        found = np.array([*(logs[moves].mean() for moves in self.groups), wait])
-        numbers: Numbers = np.clip(found, -LARGEST, LARGEST)
+        means = np.array([*(logs[moves].mean() for moves in self.groups), wait])
+        numbers: Numbers = np.clip(means, -LARGEST_NUMBER, LARGEST_NUMBER)
         return numbers
 
 
@@ -213,13 +213,13 @@ class Search:
         step = STEP_FROM_ONES if is_plain else FIRST_STEP
         design = self._climb(ROWS, design, step, first, FIRST_POPULATION)
         if later:
-            self._climb(STRETCHES, design, STEP, later, POPULATION)
+            self._climb(STRETCHES, design, LATER_STEP, later, POPULATION)
         return SearchResult(self.finalists, self.generations)
 
     def _start(self) -> tuple[StreetDesign, bool]:
         """The best of the start designs, and whether it is without weights."""
         for phase in start_phases():
-            name, design = AS_IT_IS, self.as_it_is
+            name, design = UNCHANGED, self.as_it_is
             if phase is not None:
                 name = f"crisscross, phase {list(phase)}"
                 design = crisscross(self.floor_plan, phase, self.as_it_is)
@@ -254,7 +254,7 @@ class Search:
         """The mean design after some generations of a stage."""
         stage = Stage(detail, self.floor_plan, self.as_it_is)
         begin = stage.numbers(start)
-        limits = np.tile([-LARGEST, LARGEST], (len(begin), 1))
+        limits = np.tile([-LARGEST_NUMBER, LARGEST_NUMBER], (len(begin), 1))
         optimizer = optimizer_type()(
             mean=begin,
             sigma=step,

@@ -13,7 +13,6 @@ import yaml
 
 from automaton.atomic_write import atomic_writer
 from automaton.floor.floor_plan import DIRECTIONS, WEIGHT_UNIT, FloorPlan
-from automaton.scenario.document import Override
 from automaton.scenario.reading import document_of
 from automaton.scenario.street_files import street_table
 from automaton.studies.street_search.designs import StreetDesign
@@ -39,13 +38,13 @@ def write_streets(folder: Path, floor_plan: FloorPlan, design: StreetDesign) -> 
         file.write(text.encode())
 
 
-def write_scenario(path: Path, scenario: str, settings: Sequence[str | Override]) -> None:
+def write_scenario(path: Path, scenario: str, settings: Sequence[Any]) -> None:
     """Write a scenario with the file of streets; its own files are named from the folder of `path`."""
     document = document_of(scenario, settings)
     names = {
-        text: os.path.relpath(found[0].parent / os.path.basename(text), path.parent)
+        text: os.path.relpath(paths[0].parent / os.path.basename(text), path.parent)
         for text in texts_of({key: one for key, one in document.data.items() if key != "streets"})
-        if not os.path.isabs(text) and (found := files_at(text, [document.folder]))
+        if not os.path.isabs(text) and (paths := files_at(text, [document.folder]))
     }
     data = {**renamed(document.data, names), "streets": {"file": STREETS_FILE}}
     text = yaml.dump(data, Dumper=ScenarioDumper, sort_keys=False, allow_unicode=True)

@@ -201,14 +201,17 @@ def summary(ranked: Sequence[Reason], metric: str, total: float | None) -> Itera
 
 def one_way_words(result: OneWay) -> str:
     """What was closed, and what it costs."""
+    left = f"two-way: {len(result.two_way):,} that robots need both ways"
+    left = f"{left}, {len(result.reopened):,} that do better so"
     if result.change is None:
-        return "no street can be made one-way: no move costs 4 times as much as the move back"
+        if not result.two_way and not result.reopened:
+            return "no street is one-way: no move costs 4 times as much as the move back"
+        return f"no street is one-way; {left}"
     change = f"{change_text(result.change)} against weights alone"
     text = f"one-way streets: {len(result.closings):,}, {change}"
     if not result.is_kept:
         return f"weights alone stay, because one-way streets may cost 1 % or more; {text}"
-    left = f"{len(result.two_way):,} that robots need both ways"
-    return f"{text}; two-way: {left}, {len(result.reopened):,} that do better so"
+    return f"{text}; {left}"
 
 
 def fewer_words(result: FewerStreets) -> str:

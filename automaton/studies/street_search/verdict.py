@@ -16,9 +16,9 @@ from automaton.studies.street_search.evolution import NamedDesign, SearchQuestio
 
 SELECT_RUNS: Final = 8  # of each finalist in the first round; twice as many in each further one
 HELD_OUT_PAIRS: Final = 100
-SHARES: Final = (0.5, 0.75, 1.0, 1.25)  # of the robots, for the verdict
+FLEET_SHARES: Final = (0.5, 0.75, 1.0, 1.25)  # of the robots, for the verdict
 SIDE_METRICS: Final = ("lead_time_p95", "oldest_order", "detour_share")  # the lowest is best
-WORSE: Final = 0.10  # by more than this share a side metric gives a warning
+MUCH_WORSE: Final = 0.10  # by more than this share a side metric gives a warning
 
 
 class ChosenDesign(NamedTuple):
@@ -33,7 +33,7 @@ def choose(
     question: SearchQuestion, finalists: Sequence[NamedDesign], runs: StreetRuns
 ) -> ChosenDesign:
     """The finalist with the best mean: the better half of each round gets twice as many runs."""
-    left, number, made, rounds = list(range(len(finalists))), SELECT_RUNS, 0, 0
+    left, number, runs_done, rounds = list(range(len(finalists))), SELECT_RUNS, 0, 0
     while len(left) > 1:
         seeds = question.seeds("select", number)
         designs = [finalists[one].design for one in left]
@@ -42,20 +42,20 @@ def choose(
             means = [mean_value(question, rows) for rows in runs(designs, seeds, robots)]
             usual = max((abs(one) for one in means if math.isfinite(one)), default=0.0) or 1.0
             scores = [score + mean / usual for score, mean in zip(scores, means, strict=True)]
-        made += len(question.robots) * len(left) * (number if not rounds else number // 2)
+        runs_done += len(question.robots) * len(left) * (number if not rounds else number // 2)
         ranked = sorted(range(len(left)), key=lambda one: -scores[one])
         left = [left[one] for one in ranked[: math.ceil(len(left) / 2)]]
         number, rounds = 2 * number, rounds + 1
-    return ChosenDesign(left[0], made, rounds)
+    return ChosenDesign(left[0], runs_done, rounds)
 
 
 def choice_runs(finalists: int) -> int:
     """The runs of a choice with one fleet."""
-    left, number, made = finalists, SELECT_RUNS, 0
+    left, number, runs_done = finalists, SELECT_RUNS, 0
     while left > 1:
-        made += left * (number if not made else number // 2)
+        runs_done += left * (number if not runs_done else number // 2)
         left, number = math.ceil(left / 2), 2 * number
-    return made
+    return runs_done
 
 
 def mean_value(question: SearchQuestion, rows: Sequence[Row]) -> float:
@@ -85,19 +85,19 @@ class FleetVerdict(NamedTuple):
 
     @property
     def warnings(self) -> list[str]:
-        """A phrase for each side metric that is worse by more than WORSE."""
-        found = []
+        """A phrase for each side metric that is worse by more than MUCH_WORSE."""
+        phrases = []
         for name, one in self.beside.items():
             change = one.difference if name == "detour_share" else one.relative
-            if change is not None and change.value > WORSE:
+            if change is not None and change.value > MUCH_WORSE:
                 unit = "percentage points" if name == "detour_share" else "%"
-                found.append(f"{name} {100 * change.value:+.0f} {unit}")
-        return found
+                phrases.append(f"{name} {100 * change.value:+.0f} {unit}")
+        return phrases
 
 
 def fleets_of(asked: Sequence[int]) -> list[int]:
     """The fleets of the verdict: those asked for, and shares of the largest."""
-    return sorted({*asked, *(max(2, round(share * max(asked))) for share in SHARES)})
+    return sorted({*asked, *(max(2, round(share * max(asked))) for share in FLEET_SHARES)})
 
 
 def judge(

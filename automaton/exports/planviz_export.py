@@ -211,7 +211,10 @@ class SegmentedPaths:
         self._done[ends] = 0
 
     def _hold_back(
-        self, acts: npt.NDArray[np.bool_], drives: npt.NDArray[np.bool_], target: Any
+        self,
+        acts: npt.NDArray[np.bool_],
+        drives: npt.NDArray[np.bool_],
+        target: npt.NDArray[np.int64],
     ) -> None:
         """Let robots wait that would pass the one ahead, from the head of a queue to its end."""
         self._holder[self._cell] = np.arange(len(self._cell))

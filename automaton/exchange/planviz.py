@@ -177,8 +177,7 @@ def read_output(path: Path) -> PlanvizOutput:
 def _output_of_2026(data: dict[str, Any], file: str) -> PlanvizOutput:
     said = _validated(data, PlanvizFile2026, file)
     per_robot = ("start", "actualPaths", "delayIntervals", "actualSchedule")
-    given = [key for key in per_robot if data.get(key) is not None]
-    _check_sizes(said, data, given, file)
+    _check_sizes(said, data, [key for key in per_robot if data.get(key) is not None], file)
     if said.agent_max_counter < 1:
         text = f"agentMaxCounter must be at least 1, found {said.agent_max_counter}"
         raise InputError(text, file)
@@ -549,8 +548,8 @@ def verify_output(output: PlanvizOutput, problem: Problem) -> PlanViolation | No
         tasks = check_tasks(output, problem, motion.visited.tolist())
     else:
         tasks = next(_wrong_totals(output, motion.finished), None)
-    found = (_wrong_start(output, problem), wrong_delay(output, problem), motion.violation, tasks)
-    return min((one for one in found if one), key=lambda one: one.tick, default=None)
+    first = (_wrong_start(output, problem), wrong_delay(output, problem), motion.violation, tasks)
+    return min((one for one in first if one), key=lambda one: one.tick, default=None)
 
 
 def _wrong_start(output: PlanvizOutput, problem: Problem) -> PlanViolation | None:
@@ -569,12 +568,12 @@ def _wrong_start(output: PlanvizOutput, problem: Problem) -> PlanViolation | Non
 
 def wrong_delay(output: PlanvizOutput, problem: Problem) -> PlanViolation | None:
     """Return the first violation of a delay: it is as long as the problem says, and the robot waits."""
-    found = (
+    broken = (
         _broken_delay(output, problem, robot, delay, before)
         for robot, delays in enumerate(output.delays or ())
         for before, delay in zip([(0, 0), *delays], delays, strict=False)
     )
-    return min((one for one in found if one), key=lambda one: one.tick, default=None)
+    return min((one for one in broken if one), key=lambda one: one.tick, default=None)
 
 
 def _broken_delay(

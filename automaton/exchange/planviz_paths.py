@@ -37,10 +37,9 @@ import numpy.typing as npt
 
 from automaton.errors import InputError
 from automaton.exchange.problem import Problem
-from automaton.scenario.text_files import quoted
 from automaton.units import count
 
-ACTION_LETTERS: Final = "FRCW"  # forward, right, left, wait
+PATH_LETTERS: Final = "FRCW"  # forward, right, left, wait
 FORWARD, RIGHT, LEFT, WAIT = range(4)
 WORDS: Final = ("goes forward", "turns right", "turns left")
 HEADING_LETTERS: Final = "ESWN"  # clockwise, as directions are numbered
@@ -48,12 +47,13 @@ STEP_OF_HEADING: Final = ((0, 1), (1, 0), (0, -1), (-1, 0))  # (rows, columns)
 VACANT: Final = -1
 NO_TASK: Final = -1  # no task, in a schedule
 SEGMENT: Final = re.compile(r"\[\(([^()]*)\):\(([^()]*)\)\]")
-STATE: Final = re.compile(r"([0-9]{1,12})(,-?[0-9]{1,12}){4}")  # the tick comes first
+SEGMENT_STATE: Final = re.compile(r"([0-9]{1,12})(,-?[0-9]{1,12}){4}")  # the tick comes first
 RUN: Final = re.compile(r"(.) ([0-9]{1,12})")
 MAX_ACTIONS: Final = 2_000_000_000  # of all robots
+SHOWN_LETTERS: Final = 40  # letters of a path in an error
 MOST_IN_A_CELL: Final = 5  # robots that hold a cell before two of them overlap
 
-Actions = npt.NDArray[np.uint8]  # (ticks, robots) index of ACTION_LETTERS
+Actions = npt.NDArray[np.uint8]  # (ticks, robots) index of PATH_LETTERS
 Cells = npt.NDArray[np.int64]
 
 
@@ -85,10 +85,10 @@ def actions_of(paths: list[str], file: str) -> Actions:
         if path not in (letters, ",".join(letters)):
             raise InputError(f"actualPaths: robot {robot} has misplaced commas", file)
     codes = np.frombuffer("".join(plain).encode("utf-32-le"), np.uint32).reshape(-1, max(1, ticks))
-    actions = np.full(codes.shape, len(ACTION_LETTERS), np.uint8)
-    for action, letter in enumerate(ACTION_LETTERS):
+    actions = np.full(codes.shape, len(PATH_LETTERS), np.uint8)
+    for action, letter in enumerate(PATH_LETTERS):
         actions[codes == ord(letter)] = action
-    unknown = np.argwhere(actions == len(ACTION_LETTERS))
+    unknown = np.argwhere(actions == len(PATH_LETTERS))
     if len(unknown):
         robot, at = unknown[0].tolist()
         text = f"actualPaths: robot {robot} has the action {plain[robot][at]!r} in tick {at + 1:,}"
@@ -121,23 +121,23 @@ def _runs(path: str, who: str, file: str) -> list[tuple[int, int]]:
     runs: list[tuple[int, int]] = []
     done = end = 0
     for segment in SEGMENT.finditer(path):
-        state = STATE.fullmatch(segment[1].replace(" ", ""))
+        state = SEGMENT_STATE.fullmatch(segment[1].replace(" ", ""))
         if state is None:
-            text = f"{who} has a segment that begins with {quoted(segment[1])}, not with its tick, "
-            raise InputError(f"{text}row, column, heading and counter", file)
+            text = f"{who} has a segment that begins with {segment[1][:SHOWN_LETTERS]!r}, "
+            raise InputError(f"{text}not with its tick, row, column, heading and counter", file)
         if int(state[1]) != done or segment.start() != end:
             text = f"{who} has a segment of tick {int(state[1]):,} where tick {done:,} comes next"
             raise InputError(text, file)
         end = segment.end()
         for text in segment[2].split(",") if segment[2] else ():
             run = RUN.fullmatch(text.strip())
-            if run is None or run[1] not in ACTION_LETTERS:
-                what = f"{who} has the run {quoted(text)} after tick {done:,}"
+            if run is None or run[1] not in PATH_LETTERS:
+                what = f"{who} has the run {text[:SHOWN_LETTERS]!r} after tick {done:,}"
                 raise InputError(f"{what}; F, R, C or W and its ticks are allowed", file)
-            runs.append((ACTION_LETTERS.index(run[1]), int(run[2])))
+            runs.append((PATH_LETTERS.index(run[1]), int(run[2])))
             done += int(run[2])
     if end != len(path):
-        raise InputError(f"{who} has {quoted(path[end : end + 20])} after tick {done:,}", file)
+        raise InputError(f"{who} has {path[end : end + SHOWN_LETTERS]!r} after tick {done:,}", file)
     return runs
 
 
@@ -145,7 +145,7 @@ def _runs(path: str, who: str, file: str) -> list[tuple[int, int]]:
 
 
 @dataclass
-class Motion:
+class MovingRobots:
     """Robots that move on a map with a border of walls; `step`: its cells to the next, by heading."""
 
     passable: npt.NDArray[np.bool_]  # (cells,)
@@ -175,7 +175,7 @@ class Motion:
 
 
 @dataclass
-class SingleTickMotion(Motion):
+class SingleTickMotion(MovingRobots):
     """Actions of one tick: robots may follow each other in any direction."""
 
     def __post_init__(self) -> None:
@@ -209,7 +209,7 @@ class SingleTickMotion(Motion):
 
 
 @dataclass
-class SeveralTickMotion(Motion):
+class SeveralTickMotion(MovingRobots):
     """Actions of several ticks, which waits may interrupt: robots never overlap."""
 
     action_ticks: int
@@ -259,7 +259,7 @@ class SeveralTickMotion(Motion):
         holder = np.concatenate([self.robots, between])
         order = np.argsort(held, kind="stable")
         held, holder = held[order], holder[order]
-        found = []
+        overlaps = []
         for apart in range(1, MOST_IN_A_CELL):
             same = np.flatnonzero(held[apart:] == held[:-apart])
             one, other = holder[same], holder[same + apart]
@@ -267,10 +267,10 @@ class SeveralTickMotion(Motion):
             pairs = zip(
                 one[hit].tolist(), other[hit].tolist(), held[same][hit].tolist(), strict=True
             )
-            found += [(min(a, b), max(a, b), cell) for a, b, cell in pairs]
-        if not found:
+            overlaps += [(min(a, b), max(a, b), cell) for a, b, cell in pairs]
+        if not overlaps:
             return None
-        a, b, cell = min(found)
+        a, b, cell = min(overlaps)
         moves = after[a] > 0 and after[b] > 0
         if moves and self.cell[a] == ahead[b] and self.cell[b] == ahead[a]:
             return self.exchange(tick, (a, b), (int(self.cell[a]), int(self.cell[b])))

@@ -78,7 +78,7 @@ MAX_ACTION_TICKS: Final = 1000
 MAX_DELAY: Final = 1_000_000  # ticks
 MAX_REVEAL: Final = 1000.0  # tasks open at once for each robot
 SQUARE_VERSION: Final = "2026"  # robots are squares that never overlap
-MIN_SIZE: Final = 0.01  # side of a robot, in cells
+MIN_ROBOT_SIZE: Final = 0.01  # side of a robot, in cells
 POOL_VERSIONS: Final = ("2024", SQUARE_VERSION)
 EVENT_MODELS: Final = ("bernoulli", "poisson")
 DURATION_MODELS: Final = ("uniform", "gaussian")
@@ -278,7 +278,7 @@ def read_league_problem(path: Path, robots: int | None = None) -> Problem:
 def _robot_size(data: dict[str, Any], file: str) -> float | None:
     if SQUARE_VERSION not in str(data.get("version")):
         return None
-    return _number(data, "agentSize", file, MIN_SIZE, 1, integral=False, default=1.0)
+    return _number(data, "agentSize", file, MIN_ROBOT_SIZE, 1, integral=False, default=1.0)
 
 
 def _delays(data: dict[str, Any], file: str) -> dict[str, Any] | None:

@@ -33,13 +33,12 @@ from automaton.recording.contents import FRAME_KIND_CONDITIONS, FRAME_KIND_TICKS
 from automaton.recording.frames import Recording
 from automaton.scenario.refinement import refined_data
 from automaton.scenario.robot_types import types_of
-from automaton.units import count
 
 LETTERS: Final = np.full(ACTION_MASK + 1, ord("W"), np.uint8)  # of a recorded action
 LETTERS[MOVE_EAST : MOVE_NORTH + 1] = ord("F")
 LETTERS[TURN_RIGHT] = ord("R")
 LETTERS[TURN_LEFT] = ord("C")
-WAIT: Final = ord("W")
+WAITING: Final = ord("W")
 SEGMENT_TICKS: Final = 100
 
 Rows = list[tuple[int, int]]
@@ -146,7 +145,7 @@ def _unfit(header: Content, data: dict[str, Any]) -> Iterator[str]:
     usual = durations.moves[0]
     for name, given in (("move", durations.moves), ("turn", durations.turns)):
         for other in sorted({*given} - {usual}):
-            yield f"durations.{name} is {other} where others take {count(usual, 'tick')}"
+            yield f"durations.{name} is {other}, other moves or turns take {usual}"
     if any({*kind.moves, *kind.turns} - {usual} for kind in types_of(scenario)):
         yield "fleet.types has robots whose moves or turns take other ticks"
     if world.slowdown != "none" or world.extra_tick_probability or scenario.floor.speed_limits:
@@ -187,31 +186,34 @@ class SegmentedPaths:
         self._cell = header["robots"]["cell"].astype(np.int64)
         self._heading = header["robots"]["heading"].astype(np.int64)
         self._done = np.zeros(len(self._cell), np.int64)  # ticks of the action under way
-        self._under_way = np.full(len(self._cell), WAIT, np.uint8)
+        self._under_way = np.full(len(self._cell), WAITING, np.uint8)
         self._holder = np.full(header["floor"]["kind"].size, NIL, np.int64)
         self._states: list[list[tuple[int, ...]]] = []  # of segments, by robot
         self._letters: list[npt.NDArray[np.uint8]] = []  # of ticks, by robot
 
     def add(self, begins: npt.NDArray[np.uint8], delayed: npt.NDArray[np.bool_]) -> None:
-        """Add a tick. `begins`: letter of the action that begins, or WAIT."""
+        """Add a tick. `begins`: letter of the action that begins, or WAITING."""
         if len(self._letters) % SEGMENT_TICKS == 0:
             self._states.append(self._state(len(self._letters)))
-        self._under_way = np.where(begins == WAIT, self._under_way, begins)
-        acts = (self._under_way != WAIT) & ~delayed
+        self._under_way = np.where(begins == WAITING, self._under_way, begins)
+        acts = (self._under_way != WAITING) & ~delayed
         drives = self._under_way == ord("F")
         target = np.where(drives, self._cell + self._step[self._heading], 0)
         self._hold_back(acts, drives, target)
-        self._letters.append(np.where(acts, self._under_way, WAIT).astype(np.uint8))
+        self._letters.append(np.where(acts, self._under_way, WAITING).astype(np.uint8))
         self._done += acts
         ends = self._done == self._action_ticks
         turned = (self._under_way == ord("R")).astype(np.int64) - (self._under_way == ord("C"))
         self._heading = np.where(ends, self._heading + turned, self._heading) & 3
         self._cell = np.where(ends & drives, target, self._cell)
-        self._under_way[ends] = WAIT
+        self._under_way[ends] = WAITING
         self._done[ends] = 0
 
     def _hold_back(
-        self, acts: npt.NDArray[np.bool_], drives: npt.NDArray[np.bool_], target: Any
+        self,
+        acts: npt.NDArray[np.bool_],
+        drives: npt.NDArray[np.bool_],
+        target: npt.NDArray[np.int64],
     ) -> None:
         """Let robots wait that would pass the one ahead, from the head of a queue to its end."""
         self._holder[self._cell] = np.arange(len(self._cell))

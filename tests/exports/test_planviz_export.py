@@ -136,7 +136,7 @@ def test_a_task_is_in_the_schedule_until_the_tick_in_which_it_is_finished(tmp_pa
 @pytest.mark.parametrize(
     ("settings", "sentence"),
     [
-        (("durations.turn=2",), "durations.turn is 2 where others take 1 tick"),
+        (("durations.turn=2",), "durations.turn is 2, other moves or turns take 1"),
         (("fleet.kinematics=omni", "fleet.heading=null"), "fleet.kinematics is omni"),
         (
             ("world.extra_tick_probability=0.1",),

@@ -90,7 +90,7 @@ def tasks_in(problem_of: ProblemOf) -> Runner:
     """A table's runner: the finished tasks of each case (strategy, problem and number of robots)."""
 
     return scenario_runs(
-        made=lambda case, folder: scenario_of(case, problem_of(case.key), folder),
+        scenario_of=lambda case, folder: scenario_of(case, problem_of(case.key), folder),
         measured=with_tasks,
     )
 

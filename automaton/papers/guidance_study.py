@@ -205,7 +205,7 @@ def runs_on(files: Mapping[tuple[str, str], Path]) -> Runner:
         (folder / "guidance.yaml").write_text(json.dumps(content))
         return resolve(folder / "guidance.yaml", case.settings)
 
-    return scenario_runs(made=scenario, measured=per_tick)
+    return scenario_runs(scenario_of=scenario, measured=per_tick)
 
 
 def per_tick(result: RunResult) -> RunResult:

@@ -134,12 +134,12 @@ def with_published_names(result: RunResult) -> RunResult:
 def scenario_runs(
     conduct: RunFunction = run_and_measure,
     change: Callable[[Resolved, int], Resolved] = lambda resolved, seed: resolved,
-    made: Callable[[Any, Path], Resolved] = lambda case, folder: case.resolved(),
+    scenario_of: Callable[[Any, Path], Resolved] = lambda case, folder: case.resolved(),
     measured: Callable[[RunResult], RunResult] = with_published_names,
 ) -> Runner:
     """A table's runner that runs the scenario of each case with each seed by `conduct`.
 
-    `change`: changes a scenario for a seed, beyond the random numbers; `made`: the scenario of a case,
+    `change`: changes a scenario for a seed, beyond the random numbers; `scenario_of`: that of a case,
     which may write files to a folder; `measured`: the result of a run with the metrics of the table.
     """
 
@@ -150,7 +150,7 @@ def scenario_runs(
         on_done: OnDone | None = None,
     ) -> list[list[RunResult]]:
         with TemporaryDirectory() as folder:
-            scenarios = [made(case, Path(folder)) for case in cases]
+            scenarios = [scenario_of(case, Path(folder)) for case in cases]
         results = run_all(scenarios, seeds, workers, on_done, conduct, change)
         return [[measured(result) for result in batch] for batch in results]
 

@@ -269,8 +269,8 @@ class ChangedStretch(NamedTuple):
 def changed_stretches(floor_plan: FloorPlan) -> Iterator[ChangedStretch]:
     """Each stretch of capacity 1 made 2, each closed one opened, each two-way one made one-way.
 
-    A stretch is a maximal run of cells along a row or a column that are alike in this. Moves of racks,
-    storage and pockets are none of streets.
+    A stretch is a maximal run of cells along a row or a column that are alike in this. Moves into
+    storage and pockets do not count.
     """
     opens = np.array([kind.opens for kind in CELL_KINDS])[floor_plan.kind]
     usual = (floor_plan.drivable & ~opens).reshape(-1)

@@ -16,17 +16,23 @@ from random_floors import pictures
 from reference_costs import CostSet
 from reference_paths import FAR, HEADINGS
 
+from automaton.engine.distance_tables import WEIGHT_UNIT
 from automaton.engine.state import Array
 from automaton.engine.table_rows import cost_in, row_to, ticks_in
 from automaton.errors import InputError
+from automaton.floor import floor_plan
 from automaton.floor.drawn_floors import draw_floor
 from automaton.floor.floor_plan import FloorPlan
 from automaton.scenario.durations import Durations
 from automaton.scenario.robot_types import RobotType, floor_by_type
 from automaton.world.prepared_floor import floor_for, make_workspace
 
-UNIT = 100
+UNIT = WEIGHT_UNIT
 Pose = tuple[int, int]
+
+
+def test_weights_have_the_same_unit_on_floors_and_in_the_engine() -> None:
+    assert floor_plan.WEIGHT_UNIT == WEIGHT_UNIT
 
 
 def walked(costs: CostSet, ticks: CostSet, found: dict[Pose, int], pose: Pose, goal: int) -> int:

@@ -287,7 +287,7 @@ def test_an_error_beside_a_file_of_streets_has_its_own_line(tmp_path: Path) -> N
         "name: a\nlayout: {picture: '...\n\n  ...'}\nfleet: {robots: 1, start: [[0, 0]]}\n"
         "streets:\n  file: streets.csv\n  then:\n    - {row: 0, wait: 3}\n    - {row: 7, wait: 3}\n"
     )
-    with pytest.raises(InputError, match=r"a\.yaml:9: street 2 has the cell \[0, 7\]"):
+    with pytest.raises(InputError, match=r"a\.yaml:10: street 2 has the cell \[0, 7\]"):
         resolve(tmp_path / "a.yaml")
 
 
@@ -306,7 +306,7 @@ def test_an_error_beside_a_file_of_streets_has_its_own_line(tmp_path: Path) -> N
         ([{"at": [1, 1], "wait": 1}], "street 1 has the cell [1, 1], a wall"),
         ([{"at": [1, 0], "north": 2}], "has north, but no robot can move north from its cells"),
         ([{"row": 0, "column": 1, "east": 1}], "exactly one of at, row, column, path and area"),
-        ([{"row": 0, "east": 0}], "a number from 0.01 to 10000, or closed, found 0"),
+        ([{"row": 0, "east": 0}], "a number from 0.01 to 10000, or closed, or open, found 0"),
         ([{"row": 0}], "has no weight"),
         ([{"row": 0, "capacity": 3}], "1"),
         ([{"at": [1, 1], "capacity": 2}], "street 1 has the cell [1, 1], a wall"),
@@ -371,7 +371,7 @@ def test_everything_runs_on_streets_that_are_opened_and_doubled(tmp_path: Path) 
     """Pods, doors, blocks, batteries, faults, types and delays, in half ticks, recorded and verified."""
     data = {
         "name": "everything",
-        "layout": {"picture": "c.....c.\n.pp..pp.\n>>>>>>>>\n..t..t..\n........"},
+        "layout": {"picture": "c.....c.\n.pp..pp.\n.>>>>>>.\n..t..t..\n........"},
         "fleet": {
             "robots": 5,
             "kinematics": "differential",

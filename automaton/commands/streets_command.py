@@ -46,7 +46,6 @@ from automaton.documents.report_document import (
 )
 from automaton.errors import InputError
 from automaton.scenario.document import Document, Override
-from automaton.studies.reports.comparison_tables import relative_text
 from automaton.studies.reports.comparisons import direction_of
 from automaton.studies.reports.study_results import described
 from automaton.studies.street_search import evolution, verdict
@@ -59,14 +58,13 @@ from automaton.studies.street_search.finishing import (
     finished,
     most_runs,
 )
-from automaton.studies.street_search.reasons import ComparedRuns
 from automaton.studies.street_search.street_output import (
     STREETS_FILE,
     scenario_path,
     write_scenario,
     write_streets,
 )
-from automaton.studies.street_search.street_report import blocks_of, reason_record
+from automaton.studies.street_search.street_report import blocks_of, in_percent, reason_record
 from automaton.studies.sweeps.sweep_plan import SweepPlan, make_sweep_plan
 from automaton.units import count
 from automaton.world.resolve import Resolved, resolve
@@ -341,13 +339,15 @@ def context_of(args: argparse.Namespace, asked: Asked, runs: Any) -> DesignConte
     from automaton.studies.street_search.design_runs import with_design
 
     question = asked.question
-    compared = ComparedRuns(runs, question.metric, question.is_higher_better, question.robots)
     largest = max(question.robots, key=lambda robots: robots or 0)
     base = asked.base(largest)
     return DesignContext(
         base.floor_plan,
         lambda design: with_design(base, design),
-        compared,
+        runs,
+        question.metric,
+        question.is_higher_better,
+        question.robots,
         question.seeds,
         args.workers,
     )
@@ -431,7 +431,7 @@ def answer(result: StreetResult, asked: Asked) -> Iterator[str]:
             "No gain that holds: with these streets"  # fmt: skip
         before, after = (f"{mean:,.5g}" for mean in one.means)
         yield (
-            f"{verb} {question.metric} changes by {relative_text(share)} with {one.robots:,} robots: "
+            f"{verb} {question.metric} changes by {in_percent(share)} with {one.robots:,} robots: "
             f"{before} as it is, {after} with them."
         )
         if one.warnings:
@@ -446,7 +446,7 @@ def fleet_blocks(result: StreetResult, question: SearchQuestion) -> Iterator[Blo
     ]
     rows = []
     for one in result.fleets:
-        gain = "too few pairs" if one.gain is None else relative_text(one.gain.relative)
+        gain = "too few pairs" if one.gain is None else in_percent(one.gain.relative)
         cells = [f"{one.robots:,}{' *' if one.is_asked else ''}", *(f"{m:,.5g}" for m in one.means)]
         beside = [side_text(one, name) for name in sides]
         rows.append([*cells, gain, *beside])

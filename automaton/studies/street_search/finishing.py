@@ -9,7 +9,7 @@ from collections.abc import Callable, Sequence
 from typing import Final, NamedTuple
 
 from automaton.floor.floor_plan import FloorPlan
-from automaton.studies.street_search.designs import StreetDesign
+from automaton.studies.street_search.designs import StreetDesign, StreetRuns
 from automaton.studies.street_search.one_way import NeededWays, OneWay, flow_of, one_way
 from automaton.studies.street_search.reasons import (
     ComparedRuns,
@@ -43,7 +43,10 @@ class DesignContext(NamedTuple):
 
     floor_plan: FloorPlan  # without streets
     with_design: Callable[[StreetDesign], Resolved]  # it with other streets
-    compared: ComparedRuns
+    runs: StreetRuns
+    metric: str
+    is_higher_better: bool
+    robots: tuple[int | None, ...]  # the fleets over which designs are compared
     seeds: Callable[[str, int], list[int]]  # that serve one purpose only
     workers: int | None  # for the runs that count lead times
 
@@ -69,7 +72,8 @@ def most_runs(streets: int, is_one_way: bool) -> int:
 
 def finished(design: StreetDesign, context: DesignContext, is_one_way: bool) -> FinishedDesign:
     """Make streets one-way if asked for, find the reasons, and leave out streets without effect."""
-    resolved, compared = context.with_design(design), context.compared
+    resolved = context.with_design(design)
+    compared = ComparedRuns(context.runs, context.metric, context.is_higher_better, context.robots)
     select = context.seeds("select", SELECT_RUNS_EACH)
     closed = None
     if is_one_way:

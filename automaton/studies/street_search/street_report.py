@@ -34,6 +34,7 @@ from automaton.studies.street_search.reasons import (
     sum_of_largest,
 )
 
+in_percent: Final = change_text  # the words of a gain are those of a reason
 SOFT: Final = ("→↓←↑", "eswn")  # by direction; Unicode, ASCII
 CLOSED_BACK: Final = ("▶▼◀▲", ">v<^")
 NO_DIRECTION: Final = ("·", ".")

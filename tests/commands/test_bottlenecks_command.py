@@ -41,7 +41,9 @@ def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 def asked(
     capsys: pytest.CaptureFixture[str], *options: str, scenario: str = "tabletop-mini"
 ) -> tuple[int, str, str]:
-    """Exit code and what was printed."""
+    """Exit code and what was printed; without --only streets are left out, of which there are many."""
+    if "--only" not in options:
+        options += ("--only", "station,energy,fleet")
     capsys.readouterr()
     code = main(["bottlenecks", scenario, *options])
     out, err = capsys.readouterr()
@@ -122,6 +124,12 @@ def test_kinds_numbers_and_metrics_restrict_what_is_tried(
     assert answer["refused"] == []
     answer = answered(capsys, "--metric", "blocked_share", "--maximise")
     assert answer["better"] == "highest"
+
+
+def test_streets_are_changed_and_drawn(capsys: pytest.CaptureFixture[str]) -> None:
+    code, said, _ = asked(capsys, "--only", "place", "--most", "2", "--dry-run")
+    assert code == 0 and "--set 'streets=[{" in said
+    assert "further changes not tried (--most)." in said
 
 
 def test_the_tick_may_be_refined_and_the_scenario_changed(

@@ -30,7 +30,7 @@ COMMANDS = {
     "sweep": "sweep {folder}/small.yaml --out {folder}/out --workers 1",
     "report": "report {folder}/out",
     "bottlenecks": "bottlenecks goods-mini --pairs 2,9 --workers 1",
-    "streets": "streets random-400 --out {folder}/found --runs 96 --dry-run --workers 1",
+    "streets": "streets crossing --out {folder}/found --runs 96 --dry-run --workers 1",
     "tune": "tune tabletop-mini --budget 60 --workers 1",
     "bench": "bench --only tables --repeat 1",
 }

@@ -220,8 +220,8 @@ def test_orders_are_grouped_by_their_stations_or_by_the_parts_of_the_floor() -> 
     floor_plan = draw_floor("t.....\n......\n.....t")
     begin, end = floor_plan.stations
     away = floor_plan.cell(5, 0)
-    ends = np.array([[begin, end], [begin, end], [end, begin], [begin, away]])
-    times = np.array([5, 7, 20, 9])
+    ends = np.array([[begin, end], [begin, end], [end, begin], [begin, away], [away, away]])
+    times = np.array([5, 7, 20, 9, 3])
     assert dict(summed_by_group(floor_plan, ends[:, 0], ends[:, 1], times)) == {
         "from station 1 to station 2 ticks": 12,
         "from station 1 to station 2 orders": 2,
@@ -229,6 +229,8 @@ def test_orders_are_grouped_by_their_stations_or_by_the_parts_of_the_floor() -> 
         "from station 2 to station 1 orders": 1,
         "from the north-west to the north-east ticks": 9,
         "from the north-west to the north-east orders": 1,
+        "within the north-east ticks": 3,
+        "within the north-east orders": 1,
     }
 
 

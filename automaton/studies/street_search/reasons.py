@@ -350,6 +350,8 @@ def summed_by_group(
     ticks, orders = np.bincount(group.reshape(-1), times), np.bincount(group.reshape(-1))
     for (first, last), each, many in zip(pairs.tolist(), ticks, orders, strict=True):
         name = f"from {place_name(first)} to {place_name(last)}"
+        if first == last < 0:
+            name = f"within {place_name(first)}"
         yield f"{name} ticks", float(each)
         yield f"{name} orders", float(many)
 

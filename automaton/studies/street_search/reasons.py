@@ -100,7 +100,7 @@ def share_of(change: Effect) -> Interval:
     return change.difference if change.relative is None else change.relative
 
 
-def change_text(change: Effect | Interval) -> str:
+def change_text(change: Effect | Interval | None) -> str:
     """A change in percent, with its interval."""
     return relative_text(share_of(change) if isinstance(change, Effect) else change)
 

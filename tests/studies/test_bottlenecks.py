@@ -12,7 +12,6 @@ import pytest
 from streets_trials import (
     Planted,
     closed_chargers,
-    closed_row,
     finds_an_effect,
     is_planted,
     ranked,

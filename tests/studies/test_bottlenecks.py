@@ -12,7 +12,6 @@ import pytest
 from streets_trials import (
     Planted,
     closed_chargers,
-    closed_row,
     finds_an_effect,
     is_planted,
     ranked,
@@ -416,9 +415,7 @@ def test_changes_without_effect_are_seldom_called_an_effect() -> None:
     assert sum(finds_an_effect(number, 12) for number in range(40)) <= 5
 
 
-@pytest.mark.parametrize(
-    "plant", [slow_station, slow_robot, closed_chargers, closed_row, single_lane]
-)
+@pytest.mark.parametrize("plant", [slow_station, slow_robot, closed_chargers, single_lane])
 def test_a_planted_bottleneck_comes_first(plant: Any) -> None:
     """The whole trial: python tests/helpers/streets_trials.py planted."""
     planted = plant(np.random.default_rng(4))

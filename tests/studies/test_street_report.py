@@ -128,4 +128,4 @@ def test_what_became_one_way_and_what_was_left_out_is_said() -> None:
     assert fewer_words(less._replace(is_kept=False)).endswith(
         f"because together they have one{change}"
     )
-    assert fewer_words(less._replace(removed=())) == "every street has an effect"
+    assert fewer_words(less._replace(removed=())) == "no street is left out"

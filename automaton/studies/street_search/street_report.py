@@ -218,7 +218,7 @@ def one_way_words(result: OneWay) -> str:
 def fewer_words(result: FewerStreets) -> str:
     """Which streets were left out, and what that changes."""
     if not result.removed:
-        return "every street has an effect"
+        return "no street is left out"
     change = "" if result.change is None else f" ({change_text(result.change)})"
     if result.is_kept:
         return f"streets left out because they have no effect: {len(result.removed):,}{change}"

@@ -198,7 +198,7 @@ def test_most_days_are_bounded_by_one_of_the_worst(target: Target, sentence: str
     text = as_text(answer_document({"": session}, "made up", "", 0.0), 1000)
     assert f"On 95 % of days {sentence} (99 % confidence; the 7th " in text
     assert f"\nwatch 1 {bound.worst}\n" in text
-    looser = "may be looser than makespan <= 97.5 and does not contradict the verdict"
+    looser = "may be looser than makespan <= 97.5. It does not contradict the verdict"
     assert (looser in text) == (target.value == 97.5) and text.count("may be looser") < 2
 
 

@@ -39,7 +39,10 @@ def test_streets_without_effect_are_closed_and_then_left_out_with_fresh_seeds_ea
     context = DesignContext(
         floor_plan,
         lambda design: with_design(resolved, design),
-        steady._replace(runs=runs),
+        runs,
+        steady.metric,
+        steady.is_higher_better,
+        steady.fleets,
         seeds=QUESTION.seeds,
         workers=1,
     )
@@ -61,7 +64,7 @@ def test_without_one_way_no_move_is_closed() -> None:
     floor_plan = resolved.floor_plan
     compared = planted(lambda design: -0.05 * design.closed.any())
     context = DesignContext(
-        floor_plan, lambda one: with_design(resolved, one), compared, QUESTION.seeds, 1
+        floor_plan, lambda one: with_design(resolved, one), *compared, QUESTION.seeds, 1
     )
     last = finished(design_of(floor_plan, *CLOCKWISE), context, is_one_way=False)
     assert last.one_way is None and not last.design.closed.any()

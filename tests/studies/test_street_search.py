@@ -14,8 +14,9 @@ from streets_trials import crowd
 from sweep_studies import OwnThread, interrupting
 
 from automaton.commands import main, sweep_command
+from automaton.floor.floor_plan import WEIGHT_UNIT
 from automaton.scenario.street_files import street_table, streets_of_text
-from automaton.scenario.streets import UNIT, StreetWeights, streets_on
+from automaton.scenario.streets import StreetWeights, streets_on
 from automaton.studies.street_search import evolution, finishing, verdict
 from automaton.studies.street_search.candidates import CANDIDATES_FILE
 from automaton.studies.street_search.designs import StreetDesign, stretches
@@ -99,7 +100,7 @@ def test_a_number_is_the_logarithm_of_the_weights_of_a_row() -> None:
     numbers = np.linspace(-1, 1, len(stage.groups) + 1)
     design = stage.design(numbers)
     first = [design.moves[floor_plan.cell(x, 1), 0] for x in range(1, 7)]
-    assert first == [37, 37, UNIT, 37, 37, 37]  # 100 / e; a closed move has no number
+    assert first == [37, 37, WEIGHT_UNIT, 37, 37, 37]  # 100 / e; a closed move has no number
     assert (design.waits == 272).all() and design.closed[floor_plan.cell(3, 1), 0]
     assert np.allclose(stage.numbers(design), numbers, atol=0.02)
 
@@ -112,8 +113,8 @@ def test_closed_moves_and_weights_of_a_design_are_read_back() -> None:
     cells = np.flatnonzero(floor_plan.drivable)
     at = [floor_plan.xy(cell) for cell in cells]
     names = ("east", "south", "west", "north")
-    text = street_table(names, weights.moves[cells] / UNIT, weights.waits[cells] / UNIT, at, "",
-                        weights.closed[cells])  # fmt: skip
+    moves, waits = weights.moves[cells] / WEIGHT_UNIT, weights.waits[cells] / WEIGHT_UNIT
+    text = street_table(names, moves, waits, at, "", weights.closed[cells])
     assert text.splitlines()[1:] == ["2,1,0.37,,,,", "3,1,,,closed,,", "7,3,,,,,2.72"]
     read = streets_on(floor_plan, streets_of_text(text, floor_plan)[0])
     assert (read.moves == weights.moves).all() and (read.closed == weights.closed).all()
@@ -168,7 +169,9 @@ def test_the_gain_is_that_of_seeds_that_nothing_was_chosen_by(tmp_path: Path) ->
         ]  # fmt: skip
 
     def design(weight: int) -> StreetDesign:
-        return StreetDesign(np.full((9, 4), weight), np.full(9, UNIT), np.zeros((9, 4), np.bool_))
+        return StreetDesign(
+            np.full((9, 4), weight), np.full(9, WEIGHT_UNIT), np.zeros((9, 4), np.bool_)
+        )
 
     asked = question(runs=RUNS)
     phase = "choice"
@@ -188,7 +191,9 @@ def test_a_design_whose_runs_do_not_finish_is_never_chosen() -> None:
             for number, _ in enumerate(designs)
         ]
 
-    none = StreetDesign(np.full((1, 4), UNIT), np.full(1, UNIT), np.zeros((1, 4), np.bool_))
+    none = StreetDesign(
+        np.full((1, 4), WEIGHT_UNIT), np.full(1, WEIGHT_UNIT), np.zeros((1, 4), np.bool_)
+    )
     finalists = [NamedDesign(UNCHANGED, none), NamedDesign("jams", none)]
     assert verdict.choose(question(), finalists, runs).place == 0
     judged = verdict.judge(question(), none, none, runs, 8, True)

@@ -224,8 +224,7 @@ def looser(target: Target, bound: DayBound) -> str:
         return ""
     return (
         f". This bound comes from those days alone, with {shown_share(1 - bound.error)} confidence, so "
-        f"it may be looser than {target.text}. It does not contradict the verdict, which rests on other "
-        "days"
+        f"it may be looser than {target.text}. It does not contradict the verdict, from other days"
     )
 
 

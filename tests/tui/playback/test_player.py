@@ -224,10 +224,12 @@ def test_play_stops_at_both_ends(clock: ManualClock) -> None:
 
 
 LAYERS = [
-    *("visits", "waiting", "congestion", "flow", "service-zones", "traffic-zones"),
+    *("visits", "waiting", "congestion", "flow", "streets", "street-waits"),
+    *("service-zones", "traffic-zones"),
     *("explored", "predicted"),
 ]
-COUNTING = ("visits", "waiting", "congestion", "explored", "predicted")
+MOVES = ("flow", "streets")  # show the moves out of a cell
+COUNTING = ("visits", "waiting", "congestion", "street-waits", "explored", "predicted")
 
 
 def test_figures_and_layers(clock: ManualClock) -> None:
@@ -243,4 +245,4 @@ def test_figures_and_layers(clock: ManualClock) -> None:
         snapshot = player.settle().snapshots[0]
         counts = layer_named(layer).heat and not layer_named(layer).arrows
         assert (snapshot.heat is not None) == counts == (layer in COUNTING)
-        assert (snapshot.flow is not None) == (layer == "flow")
+        assert (snapshot.flow is not None) == (layer in MOVES)

@@ -92,7 +92,7 @@ def test_touching_zones_have_other_tints(name: str, mode: str) -> None:
 
 
 def test_no_letter_of_a_zone_is_a_sign_of_something_else_in_ascii() -> None:
-    signs = set(ASCII.characters[127:])
+    signs = set(ASCII.characters[127:]) - set("eswn")  # streets are another layer
     assert not signs & set(map(chr, TINT_CODES)) and len(set(TINT_CODES)) == len(TINTS)
 
 

@@ -103,8 +103,8 @@ METRIC_CATALOGUE: dict[str, tuple[str, str]] = {
     ),
     "lost_making_way": (
         "ticks",
-        "time spent on moves, made for orders, that later moves undo, and on turns that the next "
-        "move did not need",
+        "time that robots with orders spend on moves that later moves undo, and on turns that the "
+        "next move did not need",
     ),
     "slowdown_ticks": (
         "ticks",

@@ -342,7 +342,7 @@ def context_of(args: argparse.Namespace, asked: Asked, runs: Any) -> DesignConte
     largest = max(question.robots, key=lambda robots: robots or 0)
     base = asked.base(largest)
     return DesignContext(
-        base.floor_plan,
+        base,
         lambda design: with_design(base, design),
         runs,
         question.metric,

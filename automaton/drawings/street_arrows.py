@@ -13,11 +13,13 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from automaton.floor.floor_plan import FloorPlan
+from automaton.floor.floor_plan import WEIGHT_UNIT, FloorPlan
 
+# Signs by direction, Unicode and ASCII: a cheaper move, and one whose move back is closed.
+WAY_SIGNS: Final = ("⇢⇣⇠⇡", "eswn")
+ONE_WAY_SIGNS: Final = ("↠↡↞↟", ">v<^")
 FACTORS: Final = (1.25, 2, 3, 5, 8)  # at which the steps of arrows begin
 LEAST_MEAN: Final = 0.1  # log2: a smaller mean of several cells shows no direction
-WEIGHT_PARTS: Final = 100  # weights of a floor are in 1 / WEIGHT_PARTS
 # Weights of waiting at which steps begin; those of the step NEAR_1 are like 1.
 WAIT_BEGINS: Final = (0, 0.5, 0.8, *FACTORS)
 NEAR_1: Final = 2
@@ -34,7 +36,7 @@ class Arrows(NamedTuple):
 def arrows_of(floor_plan: FloorPlan) -> Arrows:
     """The streets of a floor, one-way moves of its picture included."""
     exits = (floor_plan.exits.reshape(-1)[:, None] >> np.arange(4)) & 1 > 0
-    moves = floor_plan.move_weights if len(floor_plan.move_weights) else WEIGHT_PARTS
+    moves = floor_plan.move_weights if len(floor_plan.move_weights) else WEIGHT_UNIT
     weights = np.where(exits, moves, np.inf)
     strength, one_way = np.zeros(weights.shape), np.zeros(weights.shape, np.bool_)
     for direction, offset in enumerate(floor_plan.offsets):
@@ -75,7 +77,7 @@ def wait_steps(floor_plan: FloorPlan) -> NDArray[np.int64]:
     """(C,) the step of the weight of waiting in each cell; NEAR_1 also where robots do not drive."""
     steps = np.full(floor_plan.kind.size, NEAR_1)
     if len(floor_plan.wait_weights):
-        weights = floor_plan.wait_weights / WEIGHT_PARTS
+        weights = floor_plan.wait_weights / WEIGHT_UNIT
         is_driven = floor_plan.drivable.reshape(-1)
         steps[is_driven] = np.searchsorted(WAIT_BEGINS, weights[is_driven], "right") - 1
     return steps

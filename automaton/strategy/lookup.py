@@ -165,6 +165,7 @@ def properties(layer: str, name: str) -> dict[str, bool]:
 
 # Properties that a strategy may declare, as an attribute of its class or of its Parameters.
 STEERS: Final = "steers"  # right of way: decides each move of robots, which have no routes
+ADMITS_ONE: Final = "admits_one"  # right of way: a dead end admits one robot at a time
 AVOIDS_TRAFFIC: Final = "avoids_traffic"  # routing: routes go around other robots
 SEARCHES_BY_ASTAR: Final = "searches_by_astar"  # routing: a route is the path of an A* search
 KEEPS_WAY_BACK: Final = "keeps_way_back"  # charging: robots always keep a charger in reach
@@ -172,6 +173,7 @@ KEEPS_WAY_BACK: Final = "keeps_way_back"  # charging: robots always keep a charg
 TAKES_SHORTEST_ROUTES: Final = "takes_shortest_routes"
 DECLARATIONS: Final = (
     STEERS,
+    ADMITS_ONE,
     AVOIDS_TRAFFIC,
     SEARCHES_BY_ASTAR,
     TAKES_SHORTEST_ROUTES,

@@ -348,18 +348,20 @@ def with_same_right_of_way(
 ) -> tuple[CandidateChange, Resolved]:
     """A change with its scenario, which keeps the right of way of the scenario as it is.
 
-    The default depends on durations and on the floor: without this, two things would change at once.
-    Raises InputError.
+    An own change keeps it unless that is refused. Raises InputError.
     """
     if candidate.objection:
         raise InputError(candidate.objection)
     resolved = changed(candidate.texts)
-    own, now = (one.scenario.strategy.right_of_way for one in (base, resolved))
-    if own != now and candidate.kind != OWN:
-        keeping = {**candidate.settings, "strategy.right_of_way": own}
-        candidate = candidate._replace(settings=keeping)
-        resolved = changed(candidate.texts)
-    return candidate, resolved
+    keeping = candidate._replace(settings=resolved.with_rule_of(base, candidate.settings))
+    if keeping == candidate:
+        return candidate, resolved
+    try:
+        return keeping, changed(keeping.texts)
+    except InputError:
+        if candidate.kind != OWN:
+            raise
+        return candidate, resolved
 
 
 def placed(candidate: CandidateChange, base: Resolved, changed: Resolved) -> CandidateChange:

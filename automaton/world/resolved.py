@@ -5,6 +5,7 @@ With `refine` it is in finer ticks, and has the version in coarse ticks as `coar
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, NamedTuple
@@ -57,6 +58,17 @@ class Resolved:
     def fleet(self) -> FleetOnFloor:
         """The robots on the floor: types, starts, reachable cells."""
         return FleetOnFloor(self.scenario, self.floor_plan, self.start)
+
+    def with_rule_of(self, base: Resolved, settings: Mapping[str, Any]) -> dict[str, Any]:
+        """The settings of a change of `base` that gave this scenario, with the right of way of `base`.
+
+        The default depends on durations and on the floor, so two things might change at once. A change
+        that sets a strategy itself is not altered.
+        """
+        rule = base.scenario.strategy.right_of_way
+        is_own = any(key.partition(".")[0] == "strategy" for key in settings)
+        is_same = self.scenario.strategy.right_of_way == rule
+        return {**settings, **({} if is_own or is_same else {"strategy.right_of_way": rule})}
 
     @property
     def order_file(self) -> ReadFile | None:

@@ -15,6 +15,7 @@ from automaton.floor.reachability import dead_ends_of, steps_from
 from automaton.scenario.arrivals import Mean, MeanTime
 from automaton.scenario.order_lines import has_due_times, line_column, listed_lines, transports_of
 from automaton.strategy.lookup import (
+    ADMITS_ONE,
     AVOIDS_TRAFFIC,
     KEEPS_WAY_BACK,
     STEERS,
@@ -141,14 +142,15 @@ def street_warnings(resolved: Resolved) -> list[str]:
 
 
 def leads_into_dead_end(resolved: Resolved) -> str:
-    """Warn about streets whose cheaper or only direction leads into a dead end, under pibt.
+    """Warn about streets whose cheaper or only direction leads into a dead end that admits one robot.
 
     Presets lay streets everywhere, so they lead into some of the dead ends of most floors.
     """
     floor_plan, streets = resolved.floor_plan, resolved.scenario.streets
-    pibt = resolved.strategies["right_of_way"].name == "pibt"
+    rule = resolved.strategies["right_of_way"].name
     is_preset = getattr(streets, "preset", None) is not None
-    if not streets or is_preset or not pibt or resolved.scenario.fleet.robots < 2:
+    is_alone = resolved.scenario.fleet.robots < 2
+    if not streets or is_preset or is_alone or not declares("right_of_way", rule, ADMITS_ONE):
         return ""
     ends, weights = dead_ends_of(floor_plan), floor_plan.move_weights
     entries = []
@@ -163,7 +165,7 @@ def leads_into_dead_end(resolved: Resolved) -> str:
         return ""
     more = f" and {len(entries) - MOST_NAMED} more" if len(entries) > MOST_NAMED else ""
     return (
-        f"streets lead into dead ends ({', '.join(entries[:MOST_NAMED])}{more}): with pibt a dead end "
+        f"streets lead into dead ends ({', '.join(entries[:MOST_NAMED])}{more}): with {rule} a dead end "
         "admits one robot with a goal in it at a time, which comes out against the street; let the move "
         "out cost no more than the move in"
     )

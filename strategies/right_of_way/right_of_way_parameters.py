@@ -145,6 +145,8 @@ class GuidedParameters(SteeringParameters, forbid_unknown_fields=True, frozen=Tr
 class PibtParameters(GuidedParameters, forbid_unknown_fields=True, frozen=True, kw_only=True):
     """Whether robots that make way are guided, and which of several equal steps they prefer."""
 
+    admits_one: ClassVar[bool] = True  # to each dead end
+
     ties: Annotated[
         Literal["hash", "fixed"],
         Meta(

@@ -37,7 +37,7 @@ def test_streets_without_effect_are_closed_and_then_left_out_with_fresh_seeds_ea
         return steady.runs(designs, seeds, robots)
 
     context = DesignContext(
-        floor_plan,
+        resolved,
         lambda design: with_design(resolved, design),
         runs,
         steady.metric,
@@ -64,7 +64,7 @@ def test_without_one_way_no_move_is_closed() -> None:
     floor_plan = resolved.floor_plan
     compared = planted(lambda design: -0.05 * design.closed.any())
     context = DesignContext(
-        floor_plan, lambda one: with_design(resolved, one), *compared, QUESTION.seeds, 1
+        resolved, lambda one: with_design(resolved, one), *compared, QUESTION.seeds, 1
     )
     last = finished(design_of(floor_plan, *CLOCKWISE), context, is_one_way=False)
     assert last.one_way is None and not last.design.closed.any()

@@ -51,9 +51,9 @@ def test_a_ring_is_drawn_with_an_arrow_in_each_cell() -> None:
         "nwwwww",
     ]
     assert drawn_streets(design, floor_plan, ascii_only=False) == [
-        "▶▶▶▶▶↓",
-        "↑####↓",
-        "↑←←←←←",
+        "↠↠↠↠↠⇣",
+        "⇡####⇣",
+        "⇡⇠⇠⇠⇠⇠",
     ]
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from automaton.drawings.street_arrows import WEIGHT_PARTS
 from automaton.engine.state import (
     NIL,
     ORDER_CARRIED,
@@ -20,6 +19,7 @@ from automaton.floor.floor_plan import (
     DRIVABLE,
     STORAGE,
     UNLIMITED,
+    WEIGHT_UNIT,
     FloorPlan,
 )
 from automaton.units import count
@@ -180,13 +180,13 @@ def _weights(view: View, cell: int) -> Parts:
         return []
     exits, closed = int(floor_plan.exits.flat[cell]), closed_moves(floor_plan, cell)
     said = [
-        f"{name} {'closed' if direction in closed else f'{weight / WEIGHT_PARTS:g}'}"
+        f"{name} {'closed' if direction in closed else f'{weight / WEIGHT_UNIT:g}'}"
         for direction, (name, weight) in enumerate(
             zip(DIRECTIONS, floor_plan.move_weights[cell].tolist(), strict=True)
         )
         if direction in closed or exits >> direction & 1
     ]
-    return [", ".join([*said, f"waiting {floor_plan.wait_weights[cell] / WEIGHT_PARTS:g}"])]
+    return [", ".join([*said, f"waiting {floor_plan.wait_weights[cell] / WEIGHT_UNIT:g}"])]
 
 
 def closed_moves(floor_plan: FloorPlan, cell: int) -> list[int]:

@@ -8,7 +8,6 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import Final, NamedTuple
 
-from automaton.floor.floor_plan import FloorPlan
 from automaton.studies.street_search.designs import StreetDesign, StreetRuns
 from automaton.studies.street_search.one_way import NeededWays, OneWay, flow_of, one_way
 from automaton.studies.street_search.reasons import (
@@ -41,7 +40,7 @@ class FinishedDesign(NamedTuple):
 class DesignContext(NamedTuple):
     """The scenario of a search."""
 
-    floor_plan: FloorPlan  # without streets
+    base: Resolved  # without streets
     with_design: Callable[[StreetDesign], Resolved]  # it with other streets
     runs: StreetRuns
     metric: str
@@ -81,7 +80,7 @@ def finished(design: StreetDesign, context: DesignContext, is_one_way: bool) -> 
         held_out = context.seeds("one-way", LOSS_PAIRS)
         closed = one_way(design, NeededWays(resolved), flow, compared, select, held_out)
         design = closed.design
-    floor_plan, fresh = context.floor_plan, context.seeds("reasons", REASON_PAIRS)
+    floor_plan, fresh = context.base.floor_plan, context.seeds("reasons", REASON_PAIRS)
     ranked = reasons(design, floor_plan, compared, fresh)
     ranked = with_groups(ranked, design, floor_plan, context.lead_times, fresh)
     left = fewer(design, floor_plan, ranked, compared, select)

@@ -1,8 +1,8 @@
 """Streets in words and as a picture: the reasons for a design, what is one-way, and the drawn floor.
 
-→→→→→▶    soft: the move back costs more; filled: it is closed
-↑####↓    ASCII: e s w n, and > v < ^
-↑←←←←←
+⇢⇢⇢⇢⇢↠    dashed: the move back costs more; two heads: it is closed
+⇡####⇣    ASCII: e s w n, and > v < ^
+⇡⇠⇠⇠⇠⇠
 """
 
 from __future__ import annotations
@@ -11,7 +11,6 @@ from collections.abc import Iterator, Sequence
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from automaton.documents.report_document import (
     Block,
@@ -21,6 +20,7 @@ from automaton.documents.report_document import (
     Table,
     Text,
 )
+from automaton.drawings.street_arrows import ONE_WAY_SIGNS, WAY_SIGNS, arrows_of, directions_of
 from automaton.floor.floor_plan import FloorPlan
 from automaton.studies.street_search.designs import StreetDesign
 from automaton.studies.street_search.finishing import FinishedDesign
@@ -35,55 +35,30 @@ from automaton.studies.street_search.reasons import (
 )
 
 in_percent: Final = change_text  # the words of a gain are those of a reason
-SOFT: Final = ("→↓←↑", "eswn")  # by direction; Unicode, ASCII
-CLOSED_BACK: Final = ("▶▼◀▲", ">v<^")
 NO_DIRECTION: Final = ("·", ".")
 OBSTACLE: Final = "#"
-LEAST_FACTOR: Final = 1.25  # by which the move back costs more, for an arrow
-LARGEST_FACTOR: Final = 8.0
 MOST_LISTED: Final = 40  # streets of the table
 LARGEST_FLOOR: Final = (120, 80)  # columns and rows of a floor that is drawn
 
 
 def drawn_streets(design: StreetDesign, floor_plan: FloorPlan, ascii_only: bool) -> list[str]:
     """The rows of a floor: an arrow in each cell along the axis with the stronger preference."""
-    directions, is_closed = arrows(design, floor_plan)
+    shown = arrows_of(
+        with_closed(floor_plan, design.closed).with_weights(design.moves, design.waits)
+    )
+    odd = np.indices(floor_plan.kind.shape).sum(axis=0).reshape(-1) % 2 == 1
+    cells = directions_of(shown.pull, shown.one_way, odd)
     drivable = floor_plan.drivable.reshape(-1)
     kind = 1 if ascii_only else 0
     signs = np.full(drivable.size, OBSTACLE)
     signs[drivable] = NO_DIRECTION[kind]
-    for direction in range(4):
-        for sign, closed in ((SOFT, False), (CLOSED_BACK, True)):
-            here = drivable & (directions == direction) & (is_closed == closed)
-            signs[here] = sign[kind][direction]
+    for direction, (way, one_way) in enumerate(
+        zip(WAY_SIGNS[kind], ONE_WAY_SIGNS[kind], strict=True)
+    ):
+        here = drivable & (cells.step >= 0) & (cells.direction == direction)
+        signs[here] = np.where(cells.one_way[here], one_way, way)
     inner = signs.reshape(floor_plan.kind.shape)[1:-1, 1:-1]
     return ["".join(row) for row in inner.tolist()]
-
-
-def arrows(
-    design: StreetDesign, floor_plan: FloorPlan
-) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
-    """(cells,) the preferred direction of each cell, or -1, and whether the move back is closed.
-
-    Where a row and a column are equally strong, cells show one and the other in turn.
-    """
-    exits = with_closed(floor_plan, design.closed).exits.reshape(-1)
-    leaves = (exits[:, None] >> np.arange(4)) & 1 > 0
-    weights = np.where(leaves, design.moves, np.inf)
-    strength, back_closed = np.zeros(weights.shape), np.zeros(weights.shape, np.bool_)
-    for direction, offset in enumerate(floor_plan.offsets):
-        out, back = leaves[:, direction], np.roll(weights[:, direction ^ 2], -offset)
-        ratio = np.divide(back, weights[:, direction], where=out, out=np.ones(len(back)))
-        strength[:, direction] = np.log2(np.clip(ratio, 1, LARGEST_FACTOR))
-        back_closed[:, direction] = out & np.isinf(back)
-    pull = strength[:, :2] - strength[:, 2:]
-    first, second = np.abs(pull).T
-    odd = np.indices(floor_plan.kind.shape).sum(axis=0).reshape(-1) % 2
-    axis = np.where(np.isclose(first, second), odd, second > first).astype(np.int64)
-    cells = np.arange(len(pull))
-    direction = np.where(pull[cells, axis] < 0, axis + 2, axis)
-    is_weak = np.abs(pull[cells, axis]) < np.log2(LEAST_FACTOR) - 1e-9
-    return np.where(is_weak, -1, direction), back_closed[cells, direction] & ~is_weak
 
 
 def blocks_of(
@@ -102,7 +77,7 @@ def blocks_of(
     yield Listed([*changes, fewer_words(last.fewer)], mark="")
     if floor_plan.width <= LARGEST_FLOOR[0] and floor_plan.height <= LARGEST_FLOOR[1]:
         kind = 1 if ascii_only else 0
-        soft, closed = (" ".join(signs[kind]) for signs in (SOFT, CLOSED_BACK))
+        soft, closed = (" ".join(signs[kind]) for signs in (WAY_SIGNS, ONE_WAY_SIGNS))
         yield Text(f"{soft}: the move back costs more; {closed}: it is closed.")
         rows = drawn_streets(last.design, floor_plan, ascii_only)
         yield CharacterPicture([[(row, "")] for row in rows])

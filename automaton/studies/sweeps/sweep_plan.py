@@ -170,16 +170,16 @@ def with_same_right_of_way(
 ) -> SweepPlan:
     """The plan of changes of a scenario, in which a change replaces its right of way only if it must.
 
-    A closed aisle or a gate may give a scenario another default: runs would then differ in two things.
-    `note`: is called with a sentence about each such change.
+    `note`: is called with a sentence about each change with another default.
     """
     rule, points = base.scenario.strategy.right_of_way, list(study.data["points"])
     for number, (point, resolved) in enumerate(zip(points, plan.scenarios, strict=True)):
-        other = resolved.unrefined.scenario.strategy.right_of_way
         settings = point.get("set") or {}
-        if other == rule or any(key.startswith("strategy") for key in settings):
+        keeping = resolved.unrefined.with_rule_of(base, settings)
+        if keeping == settings:
             continue
-        points[number] = {**point, "set": {**settings, "strategy.right_of_way": rule}}
+        other = resolved.unrefined.scenario.strategy.right_of_way
+        points[number] = {**point, "set": keeping}
         try:
             plan = make_sweep_plan(replace(study, data={**study.data, "points": points}))
         except InputError as error:

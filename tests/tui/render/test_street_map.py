@@ -13,7 +13,7 @@ from render_scenes import ALL, DRAWN, at, camera_at, drawn, fg, make_scene, open
 from viewer_harness import viewing
 
 from automaton.commands import main
-from automaton.drawings.street_arrows import wait_steps
+from automaton.drawings.street_arrows import ONE_WAY_SIGNS, WAY_SIGNS, wait_steps
 from automaton.floor.floor_plan import FloorPlan
 from automaton.pytest_plugin import GridSnapshot
 from automaton.scenario.changing_floor import Street, StreetPlan
@@ -30,7 +30,7 @@ from tui.render.styles import ASCII, UNICODE, Depth, GlyphSet, Look
 from tui.widgets.legend_panel import legend
 
 RING = "......\n.####.\n......\n.####.\n......"
-SOFT, HEADS, DOT = "⇢⇣⇠⇡", "↠↡↞↟", "."
+(SOFT, _), (HEADS, _), DOT = WAY_SIGNS, ONE_WAY_SIGNS, "."
 STREETS = (
     Street(row=0, east=0.5, west=2),
     Street(row=4, east="closed"),

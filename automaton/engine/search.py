@@ -84,13 +84,25 @@ def cost_at(view, workspace, table, cell, heading):
 
 
 @kernel
-def fetch_cost(view, workspace, table, cell):
-    """Prefetch the entry of a table that `cost_at` will read for a cell."""
-    tables = workspace.tables
-    number = np.int64(tables.number[cell])
-    if number >= 0 and table >= 0:
+def fetch_costs(tables, row, cell):
+    """Prefetch the entries of a row that `cost_in` will read up to two cells from a drivable cell."""
+    if row < 0:
+        return
+    fetch_cost(tables, row, cell)
+    for direction in range(4):
+        to = cell + tables.offset[U(direction)]
+        if tables.number[U(to)] >= 0:
+            to += tables.offset[U(direction)]
+        fetch_cost(tables, row, to)
+
+
+@kernel
+def fetch_cost(tables, row, cell):
+    """Prefetch the entry of a cell."""
+    number = np.int64(tables.number[U(cell)])
+    if number >= 0:
         per_cell = tables.headings if tables.status.encoding >= POSE16 else 1
-        prefetch(tables.pool, np.uint64(table * tables.status.words + number * per_cell))
+        prefetch(tables.pool, U(row * tables.status.words + number * per_cell))
 
 
 @kernel

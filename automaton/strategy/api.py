@@ -33,7 +33,7 @@ from automaton.engine.gates import (
     opens_soon,
 )
 from automaton.engine.holders import lane_of
-from automaton.engine.jit.kernel import kernel, prefetch
+from automaton.engine.jit.kernel import kernel, lowest_bit, prefetch
 from automaton.engine.jit.structs import (
     CONSTANT,
     DERIVED,
@@ -82,7 +82,7 @@ from automaton.engine.search import (
     cost_at,
     cost_unit,
     distance,
-    fetch_cost,
+    fetch_costs,
     find_path,
     find_step_costs,
     follow_gradient,

@@ -214,6 +214,22 @@ def _ignored(array: Any, index: Any) -> None:
 prefetch = _prefetch if jit_is_on() else _ignored
 
 
+@intrinsic  # type: ignore[untyped-decorator]
+def _lowest_bit(typing: Any, word: Any) -> Any:
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        return builder.cttz(arguments[0], ir.IntType(1)(1))
+
+    return types.int64(word), generate
+
+
+def _lowest_bit_of(word: Any) -> int:
+    return (int(word) & -int(word)).bit_length() - 1
+
+
+# The number of the lowest bit of a uint64 other than 0.
+lowest_bit = _lowest_bit if jit_is_on() else _lowest_bit_of
+
+
 # Without this, Numba infers the type of each `a + b` again: it tries dozens of templates, each of
 # which checks all compiler options. This takes 20 % of a first run.
 REMEMBERED_OPERATORS = frozenset(getattr(operator, name) for name in operator.__all__) - {

@@ -22,6 +22,7 @@ from automaton.strategy.api import (
     distance,
     dropoff_cell,
     end_of_stops,
+    fetch_costs,
     gate_before,
     guiding_table_of,
     guiding_tables,
@@ -29,6 +30,7 @@ from automaton.strategy.api import (
     is_in_full_gate,
     kernel,
     limited_ticks,
+    lowest_bit,
     splitmix64,
     weighted_table_of,
     with_load,
@@ -39,6 +41,7 @@ from strategies.right_of_way.epibt.epibt_state import (
     NO_AIM,
     RIGHT,
     WAIT,
+    U,
     cell_after,
     cell_held,
     enter_path,
@@ -69,13 +72,16 @@ def rank_candidates(view, workspace, state, i, stall):
 
     In a stall (deadlocks) the oldest come first; later rounds of the stall use random orders.
     """
-    goal, row = goal_of(view, workspace, state, i)
-    pose = np.int64(state.pose[i])
-    way = cost_from(workspace, state, row, pose) if goal != NIL else np.int64(0)
-    state.cost[i] = plan_cost(view, workspace, state, i, goal, row, way)
+    goal, row = np.int64(state.goal[i]), np.int64(state.table[i])
+    pose, way = np.int64(state.pose[i]), np.int64(0)
+    if goal != NIL:
+        way = cost_from(workspace, state, row, pose)
+        if way >= UNREACHABLE:
+            goal, row, way = np.int64(NIL), np.int64(NIL), np.int64(0)
+    if state.repair_tries:
+        state.cost[i] = plan_cost(view, workspace, state, i, goal, row, way)
     waits = is_kept(view, state, i)
     enter_keys(view, workspace, state, i, goal, row, way, waits)
-    state.sorted_count[i] = 0
     if state.asked[i]:
         state.sequence_key[i] = LAST_KEY - 1
     elif goal == NIL or (waits and wants_ahead(state, i)):
@@ -192,29 +198,31 @@ def way_out_of(view, state, i):
 
 
 @kernel
-def goal_of(view, workspace, state, i):
-    """Return the goal cell of robot i and the row of its distance table; NIL if it has no goal.
+def find_goal(view, workspace, state, i):
+    """Set the goal cell of robot i and the row of its distance table; NIL if it has no goal.
 
     A robot that makes room has the next cell on its path out as its goal.
     """
     robots = view.robots
+    state.goal[i], state.table[i] = NIL, NIL
     goal, way_out = np.int64(robots.goal_cell[i]), way_out_of(view, state, i)
     if way_out != NIL:
         goal = (np.int64(state.pose[i]) >> 2) + view.grid.offset[way_out]
     elif goal == NIL or robots.goal_type[i] == GOAL_NONE:
-        return np.int64(NIL), np.int64(NIL)
+        return
     elif may_not_go_home(view, state.service_areas, i):
-        return np.int64(NIL), np.int64(NIL)
+        return
     robot_type = np.int64(robots.type[i])
     if state.guided:
         row = weighted_table_of(view, state.tables, robot_type, goal)
+        fetch_costs(state.tables, row, np.int64(state.pose[i]) >> 2)
     else:
         if state.has_storage:  # no path leads through it
             robot_type = with_load(view, robot_type)
         row = guiding_table_of(view, workspace, robot_type, goal)
-    if row == NIL or cost_from(workspace, state, row, np.int64(state.pose[i])) >= UNREACHABLE:
-        return np.int64(NIL), np.int64(NIL)
-    return goal, row
+        fetch_costs(guiding_tables(workspace), row, np.int64(state.pose[i]) >> 2)
+    if row != NIL:
+        state.goal[i], state.table[i] = goal, row
 
 
 @kernel
@@ -228,10 +236,10 @@ def cost_from(workspace, state, row, pose):
 @kernel
 def end_of(state, i, operation):
     """Return the pose in which an operation of robot i ends."""
-    pose = np.int64(state.pose[i])
+    pose = np.int64(state.pose[U(i)])
     last = state.ticks - 1
-    cell = (pose >> 2) + np.int64(state.offset[state.row[i], operation, last])
-    return cell * 4 + ((pose + np.int64(state.turned[operation])) & 3)
+    cell = (pose >> 2) + np.int64(state.offset[U(state.row[U(i)]), U(operation), U(last)])
+    return cell * 4 + ((pose + np.int64(state.turned[U(operation)])) & 3)
 
 
 @kernel
@@ -327,31 +335,35 @@ def enter_keys(view, workspace, state, i, goal, row, way, waits):
     last_class = state.following.shape[0] - 1
     is_near = goal != NIL and way <= state.reach and state.streets == 0
     barred = np.int64(state.deadlocks.aside[i]) - 1 if is_to_leave else np.int64(NIL)
-    for number in range(state.candidate.shape[0]):
-        if (state.open[robot_type, pose, number >> 6] >> np.uint64(number & 63)) & np.uint64(
-            1
-        ) == 0:
-            continue
-        operation = np.int64(state.candidate[number])
-        if waits and state.action[operation] == FORWARD:
-            continue
-        if barred != NIL and stays_or_goes(state, i, operation, barred):
-            continue
-        rank = operation if goal == NIL and not state.asked[i] else last_class - operation
-        if state.asked[i]:
-            cost = np.int64(end_of(state, i, operation) >> 2 == pose >> 2)
-        if state.has_storage and ends_in_storage(view, state, i, operation, goal):
-            continue
-        if goal != NIL and state.streets:
-            cost = cost_with_streets(view, workspace, state, i, operation, goal, row, way)
-        elif goal != NIL and state.candidate_end[number] != end:
-            end = np.int64(state.candidate_end[number])
-            cost = cost_beyond(workspace, state, row, end_of(state, i, operation), way)
-        ticks = ticks_to_goal(state, i, operation, goal) if is_near else 0
-        excess = ticks - state.ticks - 1 - way if ticks else cost
-        keys[count] = ((excess << COST_SHIFT) + rank) << CANDIDATE_BITS | number
-        count += 1
+    for word in range(state.open.shape[2]):
+        left = state.open[U(robot_type), U(pose), U(word)]
+        while left:
+            number = (word << 6) + lowest_bit(left)
+            left &= left - np.uint64(1)
+            operation = np.int64(state.candidate[U(number)])
+            if waits and state.action[U(operation)] == FORWARD:
+                continue
+            if barred != NIL and stays_or_goes(state, i, operation, barred):
+                continue
+            rank = operation if goal == NIL and not state.asked[i] else last_class - operation
+            if state.asked[i]:
+                cost = np.int64(end_of(state, i, operation) >> 2 == pose >> 2)
+            if state.has_storage and ends_in_storage(view, state, i, operation, goal):
+                continue
+            if goal != NIL and state.streets:
+                cost = cost_with_streets(view, workspace, state, i, operation, goal, row, way)
+            elif goal != NIL and state.candidate_end[U(number)] != end:
+                end = np.int64(state.candidate_end[U(number)])
+                cost = cost_beyond(workspace, state, row, end_of(state, i, operation), way)
+            ticks = ticks_to_goal(state, i, operation, goal) if is_near else 0
+            excess = ticks - state.ticks - 1 - way if ticks else cost
+            key = ((excess << COST_SHIFT) + rank) << CANDIDATE_BITS | number
+            keys[U(count)] = key
+            if key < keys[0]:
+                keys[U(count)], keys[0] = keys[0], key
+            count += 1
     state.key_count[i] = count
+    state.sorted_count[i] = min(count, 1)
 
 
 @kernel
@@ -397,15 +409,15 @@ def ask_idle_robot_ahead(view, state, i, asked):
 @kernel
 def nth_key(state, i, n):
     """Return the n-th lowest key of robot i; keys are sorted only as far as requested."""
-    if n < state.sorted_count[i]:
-        return np.int64(state.key[i, n])
+    if n < state.sorted_count[U(i)]:
+        return np.int64(state.key[U(i), U(n)])
     keys = state.key[i]
-    best, lowest = n, keys[n]
-    for k in range(n + 1, state.key_count[i]):
-        if keys[k] < lowest:
-            best, lowest = k, keys[k]
-    keys[best] = keys[n]
-    keys[n] = lowest
+    best, lowest = n, keys[U(n)]
+    for k in range(n + 1, state.key_count[U(i)]):
+        if keys[U(k)] < lowest:
+            best, lowest = k, keys[U(k)]
+    keys[U(best)] = keys[U(n)]
+    keys[U(n)] = lowest
     state.sorted_count[i] = n + 1
     return np.int64(lowest)
 
@@ -534,19 +546,19 @@ def robot_met(state, i, operation):
     before = np.int64(state.pose[i]) >> 2
     for tick in range(state.ticks):
         cell = cell_after(state, i, operation, tick)
-        holder = np.int64(occupied[cell, tick])
+        holder = np.int64(occupied[U(cell), U(tick)])
         if holder != NIL and holder != met:
             if met != MEETS_NONE:
                 return np.int64(MEETS_SEVERAL)
             met = holder
         if state.holds_two:
-            holder = np.int64(occupied[cell_held(state, i, operation, tick), tick])
+            holder = np.int64(occupied[U(cell_held(state, i, operation, tick)), U(tick)])
             if holder != NIL and holder != met:
                 if met != MEETS_NONE:
                     return np.int64(MEETS_SEVERAL)
                 met = holder
         if cell != before:
-            other = np.int64(occupied[before, tick])
+            other = np.int64(occupied[U(before), U(tick)])
             if other != NIL and other != met and is_coming_from(state, other, cell, tick):
                 if met != MEETS_NONE:
                     return np.int64(MEETS_SEVERAL)
@@ -559,19 +571,19 @@ def robot_met(state, i, operation):
 def is_coming_from(state, robot, cell, tick):
     """Return whether a robot is in a cell before its step at a tick from now."""
     if tick == 0:
-        return np.int64(state.pose[robot]) >> 2 == cell
-    return state.occupied[cell, tick - 1] == robot
+        return np.int64(state.pose[U(robot)]) >> 2 == cell
+    return state.occupied[U(cell), U(tick - 1)] == robot
 
 
 @kernel
 def may_push(state, root, u, repairs):
     """Return whether the chain of `root` may push robot u."""
     stamp = state.stamp
-    if state.is_fixed[u] or state.settled[u] == stamp:
+    if state.is_fixed[U(u)] or state.settled[U(u)] == stamp:
         return False
-    if state.visit_stamp[u] == stamp and state.visits[u] >= state.visits_allowed:
+    if state.visit_stamp[U(u)] == stamp and state.visits[U(u)] >= state.visits_allowed:
         return False
-    return repairs or state.sequence_key[u] > state.sequence_key[root]
+    return repairs or state.sequence_key[U(u)] > state.sequence_key[U(root)]
 
 
 @kernel

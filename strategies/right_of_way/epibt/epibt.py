@@ -27,6 +27,7 @@ from automaton.strategy.api import (
     is_empty,
     is_in_own_queue,
     kernel,
+    prefetch,
     random_between,
 )
 from strategies.right_of_way.epibt.candidates import (
@@ -36,6 +37,7 @@ from strategies.right_of_way.epibt.candidates import (
     ask_idle_robot_ahead,
     build,
     end_of,
+    find_goal,
     is_kept,
     limit_drivers,
     nth_key,
@@ -74,6 +76,7 @@ from strategies.right_of_way.steering import (
 
 STREAM_PLAN_REPAIRS = STREAM_STRATEGY + 40
 POWER_BITS = 10
+PREFETCH_DISTANCE = 8  # robots in the sequence
 
 
 @kernel
@@ -285,10 +288,14 @@ def rank_all_candidates(view, workspace, state, count, stall):
     A robot that must first turn cannot leave in time for any plan of the robot behind it, so pushing it
     fails in every tick. If asked, it begins to leave by itself, and may ask another idle robot.
     """
-    for k in range(count):
-        state.asked[state.steered[k]] = 0
-    for k in range(count):
-        rank_candidates(view, workspace, state, np.int64(state.steered[k]), stall)
+    for k in range(count + PREFETCH_DISTANCE):
+        if k < count:
+            i = np.int64(state.steered[k])
+            state.asked[i] = 0
+            find_goal(view, workspace, state, i)
+        if k >= PREFETCH_DISTANCE:
+            i = np.int64(state.steered[k - PREFETCH_DISTANCE])
+            rank_candidates(view, workspace, state, i, stall)
     if state.takes_time:
         asked = 0  # in the list chain_robot
         for k in range(count):
@@ -313,12 +320,21 @@ def choose_plans(state, count):
     state.stamp += 1
     stamp = state.stamp
     for place in range(count):
+        if place + PREFETCH_DISTANCE < count:
+            fetch_robot(state, np.int64(state.sequence[place + PREFETCH_DISTANCE]))
         i = np.int64(state.sequence[place])
         if state.sequence_key[i] == LAST_KEY:
             break  # robots without goals only make room
         visited = state.visit_stamp[i] == stamp
         if not visited or (state.takes_time and state.settled[i] != stamp):
             build(state, i, False)
+
+
+@kernel
+def fetch_robot(state, i):
+    """Prefetch the candidates of robot i, and who is in its cell."""
+    prefetch(state.key, np.uint64(i * state.key.shape[1]))
+    prefetch(state.occupied, np.uint64((np.int64(state.pose[i]) >> 2) * state.occupied.shape[1]))
 
 
 @kernel

@@ -46,6 +46,7 @@ from strategies.right_of_way.steering import (
     service_areas_of,
 )
 
+U = np.uint64  # unsigned as an index: avoids the test for negative values
 FORWARD: Final = 0
 RIGHT: Final = 1
 LEFT: Final = 2
@@ -230,6 +231,8 @@ class EpibtState(Struct):
     sequence_key: Array = field("(n,) int64", "key of this order; lowest first", role=SCRATCH)
     sorting: Array = field("(n,) int32", role=SCRATCH)
     sorting_count: Array = field("(2048,) int64", role=SCRATCH)
+    goal: Array = field("(n,) int32", "its goal cell, or NIL", role=SCRATCH)
+    table: Array = field("(n,) int32", "row of the distance table to that cell", role=SCRATCH)
     key: Array = field(
         "(n, J) int32", "candidates of a robot: cost << 8 | number, partly sorted", role=SCRATCH
     )
@@ -444,10 +447,10 @@ def look_where_it_is(view, state, i):
 @kernel
 def cell_after(state, i, operation, tick):
     """Return the cell of robot i after a tick of its next operation."""
-    pose, done = np.int64(state.pose[i]), tick - np.int64(state.delay[i])
+    pose, done = np.int64(state.pose[U(i)]), tick - np.int64(state.delay[U(i)])
     if done < 0:
         return pose >> 2
-    return (pose >> 2) + np.int64(state.offset[state.row[i], operation, done])
+    return (pose >> 2) + np.int64(state.offset[U(state.row[U(i)]), U(operation), U(done)])
 
 
 @kernel
@@ -462,8 +465,8 @@ def cell_held(state, i, operation, tick):
 @kernel
 def enter_path(state, i, robot):
     """Write `robot` (or NIL) into all cells of robot i's plan."""
-    plan = np.int64(state.plan[i])
+    plan = np.int64(state.plan[U(i)])
     for tick in range(state.ticks):
-        state.occupied[cell_after(state, i, plan, tick), tick] = robot
+        state.occupied[U(cell_after(state, i, plan, tick)), U(tick)] = robot
         if state.holds_two:
             state.occupied[cell_held(state, i, plan, tick), tick] = robot

@@ -24,6 +24,7 @@ from automaton.exchange.problem_files import (
     read_problem_folder,
 )
 from automaton.papers.claims import OUR_BOUND, Claim, Figure, above, claim, mean_of
+from automaton.papers.guidance_study import NEVER_ASIDE
 from automaton.papers.reproduction_study import (
     Case,
     Cases,
@@ -83,7 +84,10 @@ class FleetCase(RunCase):
 
     @property
     def own_settings(self) -> tuple[str, ...]:
-        return (f"strategy.right_of_way={self.labels['strategy']}",)
+        name = self.labels["strategy"]
+        if name in FLEET_STRATEGIES:
+            name = f"{{name: {name}, deadlock_patience: {NEVER_ASIDE}}}"
+        return (f"strategy.right_of_way={name}",)
 
 
 def tasks_in(problem_of: ProblemOf) -> Runner:

@@ -85,9 +85,9 @@ class FleetCase(RunCase):
     @property
     def own_settings(self) -> tuple[str, ...]:
         name = self.labels["strategy"]
-        if name in FLEET_STRATEGIES:
-            name = f"{{name: {name}, deadlock_patience: {NEVER_ASIDE}}}"
-        return (f"strategy.right_of_way={name}",)
+        patience = f"strategy.right_of_way.deadlock_patience={NEVER_ASIDE}"
+        own = f"strategy.right_of_way.name={name}"
+        return (own, patience) if name in FLEET_STRATEGIES else (own,)
 
 
 def tasks_in(problem_of: ProblemOf) -> Runner:

@@ -24,8 +24,8 @@ from automaton.exchange.problem_files import (
     read_problem_folder,
 )
 from automaton.papers.claims import OUR_BOUND, Claim, Figure, above, claim, mean_of
-from automaton.papers.guidance_study import NEVER_ASIDE
 from automaton.papers.reproduction_study import (
+    NEVER_ASIDE,
     Case,
     Cases,
     Headline,

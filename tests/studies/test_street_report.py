@@ -117,7 +117,8 @@ def test_screened_streets_are_counted_and_those_without_effect_in_any_run_named(
     assert items[1:4] == [
         "without effect in any run: row 0",
         "1 of 3 streets have a significant effect on throughput",
-        "2 of them were screened only, 1 with an interval that excludes 0",
+        "streets with less clear effects that were screened only: 2, of which the intervals of 1 "
+        "exclude 0",
     ]
     assert len(reasons_table(ranked, floor_plan, "throughput").rows) == 1
     assert "All were screened in 40 pairs; the 1 with" in how_compared(ranked)

@@ -189,7 +189,8 @@ def summary(ranked: Sequence[Reason], metric: str, total: float | None) -> Itera
     yield f"{number:,} of {len(ranked):,} streets have a significant effect on {metric}"
     if screened := [one for one in ranked if not one.is_confirmed]:
         clear = sum(one.certainty > 0 for one in screened)
-        yield f"{len(screened):,} of them were screened only, {clear:,} with an interval that excludes 0"
+        text = f"streets with less clear effects that were screened only: {len(screened):,}"
+        yield f"{text}, of which the intervals of {clear:,} exclude 0"
     if total is not None and ranked:
         largest = min(10, sum(one.is_confirmed for one in ranked))
         text = f"the {largest} largest gains add up to {100 * sum_of_largest(ranked):+.1f} %"

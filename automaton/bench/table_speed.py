@@ -1,5 +1,5 @@
-"""The cost of distance tables: computation and look-ups, on floors of shelves like large
-warehouses.
+"""The cost of distance tables: computation, look-ups and other weights of streets, on floors of
+shelves like large warehouses.
 
 ........................      Rows of shelves, ten by one, with aisles one cell wide
 .##########.##########.       between them and around them.
@@ -13,18 +13,29 @@ from functools import cache, partial
 import numpy as np
 
 from automaton.bench.measured_kernels import compute, rank_options
-from automaton.bench.measurement import Measurement, Sample, cpu_seconds
+from automaton.bench.measurement import MS, Measurement, Sample, cpu_seconds
 from automaton.engine.distance_tables import DistanceTables
 from automaton.engine.state import Array, Grid
 from automaton.engine.table_building import Costs, build_tables
-from automaton.floor.floor_plan import ALL_EXITS, FLOOR, FloorPlan, bordered, make_floor_plan
-from automaton.world.prepared_floor import cell_flags_of, floor_for
+from automaton.floor.floor_plan import (
+    ALL_EXITS,
+    FLOOR,
+    WEIGHT_UNIT,
+    FloorPlan,
+    bordered,
+    make_floor_plan,
+)
+from automaton.scenario.robot_types import RobotType
+from automaton.world.prepared_floor import cell_flags_of, floor_for, make_workspace
 
 NS_PER_CELL = "ns per drivable cell"
 NS_PER_ROBOT = "ns per robot"
+NS_PER_POSE = "ns per pose"
 FLOOR_SIZES = {(161, 63): 40, (500, 140): 10}  # columns, rows: number of tables in a sample
 SHELF, MARGIN = 10, 5  # cells in a row without a gap; free columns on both sides
 ASKING_ROBOTS = 1000
+STREET_FLOOR = (46, 33)  # columns, rows: 990 drivable cells
+STREET_TABLES = 100
 ROUNDS = 100
 TABLE_BYTES = 256 * 2**20
 
@@ -41,6 +52,12 @@ def measurements() -> list[Measurement]:
         ):
             prepare = partial(prepare_tables, size, turn, weighted, tables)
             parts.append(Measurement(f"table on {floor}, {name}", NS_PER_CELL, prepare))
+    columns, rows = STREET_FLOOR
+    for robot_type in (RobotType(kinematics="omni"), RobotType()):
+        name = f"table on {columns}x{rows}, weights of streets, {robot_type.kinematics}"
+        parts.append(Measurement(name, NS_PER_POSE, partial(prepare_streets, robot_type)))
+    name = f"other weights of streets on {columns}x{rows}, tables excluded"
+    parts.append(Measurement(name, MS, prepare_other_weights))
     columns, rows = next(iter(FLOOR_SIZES))
     name = f"five options of {ASKING_ROBOTS:,} robots on {columns}x{rows}, a goal each"
     return [*parts, Measurement(name, NS_PER_ROBOT, prepare_options)]
@@ -80,6 +97,35 @@ def prepare_tables(size: tuple[int, int], turn: int, weighted: bool, many: int) 
     goals = np.random.default_rng(1).choice(tables.drivable, many, replace=False).astype(np.int64)
     seconds = partial(cpu_seconds, partial(compute, tables, goals))
     return lambda: 1e9 * seconds() / (many * len(tables.drivable))
+
+
+def weighted(random: np.random.Generator) -> FloorPlan:
+    """The floor of streets with weights like those of a search, nearly all of them different."""
+    floor_plan = shelves(*STREET_FLOOR)
+    cells = floor_plan.kind.size
+    weights = np.floor(WEIGHT_UNIT * np.exp(random.normal(0, 0.5, (cells, 4))) + 0.5)
+    return floor_plan.with_weights(weights, np.full(cells, WEIGHT_UNIT))
+
+
+def prepare_streets(robot_type: RobotType, many: int = STREET_TABLES) -> Sample:
+    """A sampler: ns to compute a table of weighted ways and their ticks, per pose."""
+    random = np.random.default_rng(1)
+    floor = floor_for(weighted(random), "undirected", (robot_type,))
+    tables = make_workspace(floor, TABLE_BYTES).streets
+    goals = random.choice(tables.drivable, many, replace=False).astype(np.int64)
+    poses = many * len(tables.drivable) * floor.grid.headings
+    return lambda: 1e9 * cpu_seconds(partial(compute, tables, goals)) / poses
+
+
+def prepare_other_weights() -> Sample:
+    """A sampler: ms until a floor is prepared for runs with other weights."""
+    random = np.random.default_rng(1)
+
+    def sample() -> float:
+        floor_plan = weighted(random)
+        return 1e3 * cpu_seconds(lambda: floor_for(floor_plan, "undirected"))
+
+    return sample
 
 
 def prepare_options(robots: int = ASKING_ROBOTS) -> Sample:

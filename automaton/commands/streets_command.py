@@ -329,7 +329,7 @@ def searched(args: argparse.Namespace, asked: Asked) -> StreetResult:
             if choice.place:
                 chosen = search.finalists[choice.place].design
                 last = finished(chosen, context_of(args, asked, runs), args.one_way)
-                fleets, refused = judged(asked, last.design, runs)
+                fleets, refused = judged(asked, last.design, runs.with_detours())
             failed = sum(row["error"] is not None for row in runs.rows.values())
     return StreetResult(search, choice, fleets, refused, failed, last)
 

@@ -25,6 +25,7 @@ from automaton.exchange.problem_files import (
 )
 from automaton.papers.claims import OUR_BOUND, Claim, Figure, above, claim, mean_of
 from automaton.papers.reproduction_study import (
+    NEVER_ASIDE,
     Case,
     Cases,
     Headline,
@@ -83,7 +84,10 @@ class FleetCase(RunCase):
 
     @property
     def own_settings(self) -> tuple[str, ...]:
-        return (f"strategy.right_of_way={self.labels['strategy']}",)
+        name = self.labels["strategy"]
+        patience = f"strategy.right_of_way.deadlock_patience={NEVER_ASIDE}"
+        own = f"strategy.right_of_way.name={name}"
+        return (own, patience) if name in FLEET_STRATEGIES else (own,)
 
 
 def tasks_in(problem_of: ProblemOf) -> Runner:

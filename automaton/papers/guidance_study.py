@@ -18,6 +18,7 @@ from automaton.errors import InputError
 from automaton.exchange.guidance_graph import SYMBOL_OF, layout_rows, streets_text
 from automaton.papers.claims import Claim, above, claim, mean_of
 from automaton.papers.reproduction_study import (
+    NEVER_ASIDE,
     Case,
     Headline,
     Key,
@@ -33,7 +34,6 @@ from automaton.world.resolve import Resolved, resolve
 
 GUIDANCE_TICKS: Final = 1000
 TASKS_EACH: Final = 200  # per robot: more than it can do
-NEVER_ASIDE: Final = 1_000_000  # ticks: the authors' robots do not break wait cycles
 TASKS_PER_TICK: Final = "tasks_per_tick"
 
 UNWEIGHTED: Final = "unweighted"

@@ -113,6 +113,7 @@ def crossed(**levels: Iterable[Label]) -> Cases:
 
 
 # Metrics that have other names in reproductions: symbols of the papers, or older names.
+NEVER_ASIDE: Final = 1_000_000  # ticks: the robots of some authors do not break wait cycles
 PUBLISHED_NAMES: Final = {
     "makespan": "T_total",
     "operations_per_robot": "T_R",

@@ -11,6 +11,7 @@ queue: the ticks lost near a change are listed beside its effect, not used to ra
 
 from __future__ import annotations
 
+import itertools
 import json
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -22,7 +23,7 @@ import numpy.typing as npt
 import yaml
 
 from automaton.errors import InputError
-from automaton.scenario.changing_floor import StreetPlan, Streets, cells_of_set
+from automaton.scenario.changing_floor import OPEN_MOVE, StreetPlan, Streets, cells_of_set
 from automaton.scenario.streets import changed_stretches, street_entries
 from automaton.studies.inference.intervals import (
     Effect,
@@ -66,6 +67,7 @@ class CandidateChange(NamedTuple):
     cells: tuple[int, ...] = ()  # flat cells of the changed part of the floor; (): it has no place
     objection: str = ""  # why it cannot be tried
     of_street: bool = False  # tried by flow, after all others
+    opens: bool = False  # a street on which robots do not drive so far, at least in one direction
     may_cut_off: bool = False  # left out where it leaves no way between places that robots need
 
     @property
@@ -112,8 +114,9 @@ def place_changes(resolved: Resolved) -> Iterator[CandidateChange]:
         yield CandidateChange(PLACE, f"speed limit {number + 1} lifted", settings, cells)
     for one in changed_stretches(floor_plan):
         settings = further_streets(resolved.own_streets, one.streets)
+        opens = any(OPEN_MOVE in street.values() for street in one.streets)
         yield CandidateChange(
-            PLACE, one.name, settings, one.cells, of_street=True, may_cut_off=one.may_cut_off
+            PLACE, one.name, settings, one.cells, "", True, opens, one.may_cut_off
         )
 
 
@@ -312,7 +315,7 @@ def candidates_of(
     flow: npt.NDArray[np.float64],
 ) -> CandidateList:
     """The changes to try: own ones, those without a place, then by the time lost near them, then streets
-    by the flow beside them.
+    by the flow beside them, in turn one on which robots drive and one that opens.
 
     `base`: the scenario as it is; `changed`: it with further settings, both unrefined; `lost`, `flow`:
     (C,) lost ticks, visits. Changes that would repeat a scenario are not tried. Raises InputError for an
@@ -324,7 +327,9 @@ def candidates_of(
     further.sort(key=lambda one: precedence(base, one, lost, flow))
     tried: list[CandidateChange] = []
     refused: list[tuple[CandidateChange, str]] = []
-    candidates = [*own, *further]
+    by_flow = [[one for one in further if one.of_street and one.opens == opens] for opens in (0, 1)]
+    in_turn = [one for pair in itertools.zip_longest(*by_flow) for one in pair if one]
+    candidates = [*own, *(one for one in further if not one.of_street), *in_turn]
     for number, candidate in enumerate(candidates):
         if len(tried) >= max(most, len(own)):
             return CandidateList(tuple(tried), tuple(refused), len(candidates) - number)

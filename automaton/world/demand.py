@@ -54,7 +54,9 @@ def build_orders(
     """
     fleet = resolved.fleet
     first = np.cumsum([0, *fleet.counts[:-1]])  # robots of each type begin in one part of the floor
-    service = service_for(resolved.floor_plan, fleet.types, tuple(homes[first].tolist()))
+    service = service_for(
+        resolved.floor_plan.without_weights(), fleet.types, tuple(homes[first].tolist())
+    )
     if resolved.scenario.orders.parts is not None:
         source, target, released = part_orders(resolved, floor.grid.slot)
         coming = np.full(len(source), NIL)

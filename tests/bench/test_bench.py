@@ -43,6 +43,7 @@ from automaton.commands import bench_command, main
 from automaton.commands.bench_command import chosen, measurements
 from automaton.engine.state import LAYER_ALLOCATION, LAYER_ZONING, NIL, World
 from automaton.floor.floor_plan import UNLIMITED
+from automaton.scenario.robot_types import RobotType
 from strategies.routing.astar import LARGER_G
 from tui.bench import viewer_speed
 
@@ -232,6 +233,7 @@ def test_every_sampler_returns_a_figure() -> None:
     assert isinstance(route_speed.prepare_observing(60, 10, 30, at_random=True)(), float)
     small = steering_speed.BUSY_FLEETS[0]._replace(robots=8, floor=SMALL_FLOOR, started=2, ticks=3)
     assert steering_speed.prepare_fleet("pibt", small)() > 0
+    assert steering_speed.prepare_ones(small._replace(ticks=steering_speed.TURNS))() > 0
 
 
 def test_recordings_are_timed() -> None:
@@ -242,6 +244,7 @@ def test_recordings_are_timed() -> None:
 def test_pods_are_timed() -> None:
     assert run_speed.prepare_pods("pibt", 3, 5)() > 0
     assert table_speed.prepare_tables((17, 5), 2, True, 3)() > 0
+    assert table_speed.prepare_streets(RobotType(), 2)() > 0 < table_speed.prepare_other_weights()()
     assert table_speed.prepare_options(20)() > 0
     assert run_speed.prepare_tabletop([1])() > 0
     assert warehouse_speed.prepare_legs(30, LARGER_G, 10)() > 0

@@ -15,14 +15,17 @@ from automaton.exchange.problem import connected_parts
 from automaton.papers import fleet_study
 from automaton.papers.fleet_study import (
     GENERATED_ROBOTS,
+    NEVER_ASIDE,
     REPRODUCTION,
+    FleetCase,
     best_known,
     from_data,
     generated_map,
     generated_problem,
     printed,
+    scenario_of,
 )
-from automaton.papers.reproduction_study import reproduce
+from automaton.papers.reproduction_study import reproduce, with_settings
 
 MAP = "type octile\nheight 4\nwidth 6\nmap\n......\n.@@.@.\n.@@.@.\n......\n"
 
@@ -56,6 +59,15 @@ def test_the_problems_of_a_folder_are_run(data: Path, monkeypatch: pytest.Monkey
     cases = {(row.case["problem"], row.case["robots"]): row.mean for row in made.rows()}
     assert set(cases) == {("a", 2), ("tables", 2), ("tables", 3)}
     assert all(tasks > 10 for tasks in cases.values())
+
+
+def test_robots_do_not_break_wait_cycles_and_further_settings_are_allowed(tmp_path: Path) -> None:
+    case = FleetCase({"strategy": "epibt", "problem": "generated", "robots": 100})
+    [[case]] = with_settings("fleets", [[case]], ("strategy.right_of_way.repair_tries=3",))
+    chosen = scenario_of(case, generated_problem(100), tmp_path).strategies["right_of_way"]
+    parameters = chosen.parameters
+    assert (chosen.name, parameters.deadlock_patience) == ("epibt", NEVER_ASIDE)
+    assert parameters.repair_tries == 3
 
 
 def test_the_generated_floor_has_the_size_of_the_published_one() -> None:

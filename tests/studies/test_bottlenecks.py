@@ -193,8 +193,10 @@ def test_streets_are_tried_by_the_flow_beside_them(tmp_path: Path) -> None:
     floor_plan = resolve(path).floor_plan
     flow = np.zeros(floor_plan.kind.size)
     flow[[floor_plan.cell(x, 3) for x in range(6)]] = 9.0
-    changes = listed(path, STREETS, kinds=("place",), flow=flow, most=1)
-    assert [one.name for one in changes.tried] == ["row 3, columns 0 to 5: capacity 2"]
+    changes = listed(path, STREETS, kinds=("place",), flow=flow, most=2)
+    first, opened = changes.tried
+    assert first.name == "row 3, columns 0 to 5: capacity 2"
+    assert opened.opens and opened.name.endswith("both ways")  # in turn, as nobody drives there yet
 
 
 def test_parts_and_stops_are_processed_in_half_the_time(tmp_path: Path) -> None:

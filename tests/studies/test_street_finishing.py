@@ -53,10 +53,12 @@ def test_streets_without_effect_are_closed_and_then_left_out_with_fresh_seeds_ea
     assert last.fewer.is_kept and len(last.fewer.removed) == 4
     assert not last.design.closed.any() and (last.design.moves == 100).all()
 
-    open_again, loss, reasons, fewer = (seeds for _, seeds in asked)
-    assert open_again == fewer and not (open_again & loss or open_again & reasons or loss & reasons)
+    tried, open_again, loss, reasons, fewer = (seeds for _, seeds in asked)
+    assert tried < open_again == fewer and not (
+        open_again & loss or open_again & reasons or loss & reasons
+    )
     assert (len(fewer), len(loss), len(reasons)) == (SELECT_RUNS_EACH, LOSS_PAIRS, REASON_PAIRS)
-    assert sum(number for number, _ in asked) <= most_runs(4, True)
+    assert sum(number for number, _ in asked[1:]) <= most_runs(4, True)  # rows are reused
 
 
 def test_without_one_way_no_move_is_closed() -> None:

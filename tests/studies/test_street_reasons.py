@@ -29,7 +29,7 @@ from automaton.studies.street_search.reasons import (
 
 HALL = "......\n" * 4
 SHELVES = ".......\n.##.##.\n......."
-SEEDS = range(40)
+SCREENING, SEEDS = range(100, 108), range(40)
 
 
 def drawn(picture: str, *streets: Any) -> tuple[StreetDesign, FloorPlan]:
@@ -104,7 +104,7 @@ def reasons_of(worth: Sequence[float], noise: float, metric: str = "throughput")
     def total(one: StreetDesign) -> float:
         return sum(by_row[y] * prefers(one, floor_plan, y) for y in by_row)
 
-    return reasons(design, floor_plan, planted(total, metric, noise), SEEDS)
+    return reasons(design, floor_plan, planted(total, metric, noise), SCREENING, SEEDS)
 
 
 def test_a_street_without_effect_is_named_and_the_others_are_worth_what_they_are() -> None:
@@ -131,6 +131,30 @@ def test_runs_that_are_the_same_without_a_street_are_no_effect() -> None:
     assert [one.gain for one in found[1:]] == [0, 0]
 
 
+def test_of_many_streets_those_with_clear_effects_are_confirmed_with_fresh_seeds() -> None:
+    rows = 60
+    design, floor_plan = drawn("......\n" * rows, *(("row", y, "west", 4) for y in range(rows)))
+    worth = {4: 0.05, 5: -0.03, 6: 0.02}
+    compared = planted(
+        lambda one: sum(gain * prefers(one, floor_plan, y) for y, gain in worth.items()), noise=0.4
+    )
+    asked = []
+
+    def runs(designs: Any, seeds: Any, robots: Any = None) -> Any:
+        asked.append((len(designs), set(seeds)))
+        return compared.runs(designs, seeds, robots)
+
+    found = reasons(design, floor_plan, compared._replace(runs=runs), SCREENING, SEEDS)
+    (all_streets, screening), (few, fresh) = asked
+    assert all_streets == 61 and 11 <= few < 20 and screening == {*SCREENING} and fresh == {*SEEDS}
+    confirmed = [one for one in found if one.is_confirmed]
+    assert found[: few - 1] == confirmed and len(found) == rows
+    named = [one.street.name(floor_plan) for one in found if one.has_effect]
+    assert named == ["row 4", "row 6", "row 5"]
+    assert {one.worth.difference.n for one in found if one.worth} == {8, 40}
+    assert sum_of_largest(found, 99) == pytest.approx(sum(one.gain for one in confirmed))
+
+
 def test_a_street_that_lowers_the_makespan_gains() -> None:
     found = reasons_of((-0.05, 0.0, 0.03), noise=0.3, metric="makespan")
     assert [np.sign(one.gain) for one in found if one.has_effect] == [1, -1]
@@ -149,7 +173,7 @@ def test_runs_that_did_not_finish_are_left_out() -> None:
             for number in range(len(designs))
         ]
 
-    [one] = reasons(design, floor_plan, ComparedRuns(runs, "throughput", True), SEEDS)
+    [one] = reasons(design, floor_plan, ComparedRuns(runs, "throughput", True), (), SEEDS)
     assert one.worth is None and not one.has_effect and not one.may_go
 
 
@@ -163,7 +187,9 @@ def test_several_fleets_count_equally() -> None:
             for one in designs
         ]
 
-    [one] = reasons(design, floor_plan, ComparedRuns(runs, "throughput", True, (10, 100)), SEEDS)
+    [one] = reasons(
+        design, floor_plan, ComparedRuns(runs, "throughput", True, (10, 100)), (), SEEDS
+    )
     without = (1 / 1.1 + 1 / 1.2) / 2
     assert one.gain == pytest.approx(1 / without - 1)
 
@@ -183,10 +209,10 @@ def test_in_runs_a_street_on_which_no_robot_drives_changes_nothing() -> None:
     )
     ring = ("row", 0, "west", 3), ("row", 2, "east", 3), ("row", 4, "west", 3)
     design, plan = design_of(resolved.floor_plan, *ring), resolved.floor_plan
-    first, *others = reasons(design, plan, runs_of(resolved), range(4))
+    first, *others = reasons(design, plan, runs_of(resolved), (), range(4))
     assert first.gain > 0.02
     [useless] = [one for one in others if one.street.name(plan) == "row 4"]
-    assert useless.gain == 0 and useless.may_go
+    assert useless.changes_nothing and useless.may_go
 
 
 # Fewer streets.

@@ -22,6 +22,7 @@ from automaton.studies.street_search.reasons import (
 from automaton.studies.street_search.street_report import (
     drawn_streets,
     fewer_words,
+    how_compared,
     one_way_words,
     reasons_in_words,
     reasons_table,
@@ -106,6 +107,22 @@ def test_streets_without_effect_are_in_the_table_and_not_in_the_sentences() -> N
     items = reasons_in_words([useful, useless], floor_plan, "throughput", 0.03).items
     assert len(items) == 3 and items[1] == "1 of 2 streets have a significant effect on throughput"
     assert items[2] == ("the 2 largest gains add up to +2.0 %; all streets together gain +3.0 %")
+
+
+def test_screened_streets_are_counted_and_those_without_effect_in_any_run_named() -> None:
+    (useful, floor_plan), (idle, _) = reason_of(0.02, 0.5), reason_of(0.0, 0.0)
+    ranked = [useful, reason_of(0.01, 0.5)[0]._replace(is_confirmed=False), idle]
+    ranked[2] = idle._replace(is_confirmed=False)
+    items = reasons_in_words(ranked, floor_plan, "throughput", 0.03).items
+    assert items[1:4] == [
+        "without effect in any run: row 0",
+        "1 of 3 streets have a significant effect on throughput",
+        "streets with less clear effects that were screened only: 2, of which the intervals of 1 "
+        "exclude 0",
+    ]
+    assert len(reasons_table(ranked, floor_plan, "throughput").rows) == 1
+    assert "All were screened in 40 pairs; the 1 with" in how_compared(ranked)
+    assert "screened" not in how_compared(ranked[:1])
 
 
 def test_what_became_one_way_and_what_was_left_out_is_said() -> None:

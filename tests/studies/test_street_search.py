@@ -154,6 +154,7 @@ def test_the_folder_has_the_scenario_with_its_streets(
     assert len(resolved.floor_plan.move_weights) and found["code"] == (not answer["is_gain"])
     own = [one for one in answer["fleets"] if one["asked"]]
     assert [one["robots"] for one in own] == [8] and own[0]["pairs"] == 3
+    assert own[0]["beside"]["detour_share"] > 0
 
 
 @pytest.mark.usefixtures("small")

@@ -7,6 +7,7 @@ search made it. Workers fill the distance tables of a design once.
 from __future__ import annotations
 
 import contextlib
+import copy
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -54,8 +55,14 @@ class DesignWriter(Writer):
         self.flush()
 
 
-def with_design(resolved: Resolved, design: StreetDesign) -> Resolved:
-    """A scenario without streets, in its own ticks, with the streets of a design."""
+def with_design(resolved: Resolved, design: StreetDesign, has_detours: bool = False) -> Resolved:
+    """A scenario without streets, in its own ticks, with the streets of a design.
+
+    `has_detours`: its runs measure detour_share.
+    """
+    if has_detours:
+        scenario = msgspec.structs.replace(resolved.scenario, streets=())
+        resolved = replace(resolved, scenario=scenario)
     weights = StreetWeights(resolved.floor_plan)
     weights.moves[:], weights.waits[:] = design.moves, design.waits
     weights.closed[:] = design.closed
@@ -77,13 +84,20 @@ class DesignRuns:
     ) -> None:
         self.plan, self.base, self.coordinator, self.rows = plan, base, coordinator, rows
         self.version = plan.manifest.version
+        self.has_detours = False
+
+    def with_detours(self) -> DesignRuns:
+        """Runs that measure detour_share, which takes other tables; for one design, not a search."""
+        runs = copy.copy(self)
+        runs.has_detours = True
+        return runs
 
     def __call__(
         self, designs: Sequence[StreetDesign], seeds: Sequence[int], robots: int | None = None
     ) -> list[list[Row]]:
         """A row for each design and seed, in this order."""
         base = self.base(robots)
-        scenarios = [with_design(base, design) for design in designs]
+        scenarios = [with_design(base, design, self.has_detours) for design in designs]
         marks = [fingerprint_of(one) for one in scenarios]
         keys = [[run_key(self.version, mark, seed) for seed in seeds] for mark in marks]
         first = {mark: number for number, mark in reversed(list(enumerate(marks)))}

@@ -11,6 +11,7 @@ from typing import Final, NamedTuple
 from automaton.studies.street_search.designs import StreetDesign, StreetRuns
 from automaton.studies.street_search.one_way import NeededWays, OneWay, flow_of, one_way
 from automaton.studies.street_search.reasons import (
+    MOST_CONFIRMED,
     ComparedRuns,
     FewerStreets,
     LeadTimes,
@@ -23,6 +24,7 @@ from automaton.studies.street_search.reasons import (
 from automaton.world.resolved import Resolved
 
 SELECT_RUNS_EACH: Final = 20  # in which a closed street is tried open, and streets are left out
+SCREENING_PAIRS: Final = 8  # of each street, if there are many
 REASON_PAIRS: Final = 40
 LOSS_PAIRS: Final = 100  # that show what one-way streets cost
 FLOW_RUNS: Final = 2
@@ -66,7 +68,9 @@ class DesignContext(NamedTuple):
 def most_runs(streets: int, is_one_way: bool) -> int:
     """The most runs of these steps for a design with this number of streets at most."""
     tried = SELECT_RUNS_EACH * (1 + streets) + 2 * LOSS_PAIRS if is_one_way else 0
-    return tried + REASON_PAIRS * (1 + streets) + 2 * SELECT_RUNS_EACH
+    screened = SCREENING_PAIRS * (1 + streets) if streets > MOST_CONFIRMED else 0
+    confirmed = REASON_PAIRS * (1 + min(streets, MOST_CONFIRMED))
+    return tried + screened + confirmed + 2 * SELECT_RUNS_EACH
 
 
 def finished(design: StreetDesign, context: DesignContext, is_one_way: bool) -> FinishedDesign:
@@ -81,7 +85,8 @@ def finished(design: StreetDesign, context: DesignContext, is_one_way: bool) -> 
         closed = one_way(design, NeededWays(resolved), flow, compared, select, held_out)
         design = closed.design
     floor_plan, fresh = context.base.floor_plan, context.seeds("reasons", REASON_PAIRS)
-    ranked = reasons(design, floor_plan, compared, fresh)
+    screening = context.seeds("screening", SCREENING_PAIRS)
+    ranked = reasons(design, floor_plan, compared, screening, fresh)
     ranked = with_groups(ranked, design, floor_plan, context.lead_times, fresh)
     left = fewer(design, floor_plan, ranked, compared, select)
     return FinishedDesign(left.design, closed, ranked, left)

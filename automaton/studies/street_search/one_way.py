@@ -29,6 +29,7 @@ from automaton.world.resolved import Resolved
 
 CLOSING_RATIO: Final = 4.0
 MOST_LOSS: Final = 0.01  # of the metric, at the lower end of its interval
+TRIED_RUNS: Final = 8  # of a closed stretch that is tried open; all runs only if these are better
 Mask = NDArray[np.bool_]
 
 
@@ -255,10 +256,13 @@ def one_way(
     others = [
         with_closings(design, [other for other in closings if other is not one]) for one in closings
     ]
-    changes = compared.effects(others, trial, select)
-    better = [change is not None and compared.least_gain(change) > 0 for change in changes]
-    reopened = [one for one, is_better in zip(closings, better, strict=True) if is_better]
-    closings = [one for one, is_better in zip(closings, better, strict=True) if not is_better]
+    better = list(range(len(closings)))
+    for seeds, gain in ((select[:TRIED_RUNS], compared.gain), (select, compared.least_gain)):
+        changes = compared.effects([others[one] for one in better], trial, seeds)
+        tried = zip(better, changes, strict=True)
+        better = [number for number, one in tried if one is not None and gain(one) > 0]
+    reopened = [closings[number] for number in better]
+    closings = [one for number, one in enumerate(closings) if number not in better]
     trial = with_closings(design, closings)
     change = compared.effects([trial], design, held_out)[0] if closings else None
     is_kept = change is not None and compared.least_gain(change) > -MOST_LOSS

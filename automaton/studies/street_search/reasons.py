@@ -2,7 +2,9 @@
 
 street   a stretch with a cheaper direction, or all stretches of a row or column if they agree in it
 worth    of a street: the metric with it against without it, where both directions cost their
-         geometric mean; pairs of runs with equal seeds, intervals by Bonferroni over the streets
+         geometric mean; pairs of runs with equal seeds
+screened many streets are compared in few pairs first; those with the clearest effects are then
+         confirmed with fresh seeds, so that the choice does not bias what they are worth
 groups   orders by where they begin and end: pairs of stations, else of the nine parts of the floor
 """
 
@@ -27,6 +29,7 @@ from automaton.studies.street_search.designs import (
 )
 
 ERROR: Final = 0.05  # of all intervals of a family together
+MOST_CONFIRMED: Final = 40  # streets; if there are more, all are screened first
 SMALL_EFFECT: Final = 0.002  # of the metric: streets below it may be left out
 MOST_CHANGE: Final = 0.005  # of the metric, if such streets are left out together
 MOST_EXPLAINED: Final = 10  # streets for which groups of orders are compared
@@ -85,6 +88,11 @@ class ComparedRuns(NamedTuple):
             effect(x, y, True, level) if len(x) > 1 else None
             for x, y in self.pairs(designs, base, seeds)
         ]
+
+    def gain(self, change: Effect | None) -> float:
+        """What a change gains, in shares of the metric; 0 if it is not known."""
+        share = 0.0 if change is None else share_of(change).value
+        return share if self.is_higher_better else -share
 
     def least_gain(self, change: Effect) -> float:
         """The lower end of what a change gains, in shares of the metric; -inf without an interval."""
@@ -237,43 +245,82 @@ class Reason(NamedTuple):
     street: GuidedStreet
     worth: Effect | None  # the metric with the street against without it; None: too few runs
     gain: float  # in shares of the metric; above 0 if the street makes it better
+    is_confirmed: bool = True  # False: screened only
     saves: GroupChange | None = None  # the orders that gain most, if any do
     costs: GroupChange | None = None  # the orders that lose most
 
     @property
+    def certainty(self) -> float:
+        """The distance of the interval from 0, in shares of the metric; below 0 if it holds 0."""
+        share = None if self.worth is None else share_of(self.worth)
+        if share is None or share.low is None or share.high is None:
+            return -math.inf
+        return max(share.low, -share.high)
+
+    @property
     def has_effect(self) -> bool:
-        """Whether the worth is distinguishable from 0."""
-        return self.worth is not None and not share_of(self.worth).holds(0.0)
+        """Whether the worth is distinguishable from 0, by seeds that did not choose the street."""
+        return self.is_confirmed and self.certainty > 0
+
+    @property
+    def changes_nothing(self) -> bool:
+        """Whether all runs have the same value without the street."""
+        return self.certainty == self.gain == 0
 
     @property
     def may_go(self) -> bool:
         """Whether the worth is small and not distinguishable from 0."""
-        is_small = self.worth is not None and abs(self.gain) < SMALL_EFFECT
-        return is_small and not self.has_effect
+        return abs(self.gain) < SMALL_EFFECT and -math.inf < self.certainty <= 0
 
 
 def reasons(
-    design: StreetDesign, floor_plan: FloorPlan, compared: ComparedRuns, seeds: Sequence[int]
+    design: StreetDesign,
+    floor_plan: FloorPlan,
+    compared: ComparedRuns,
+    screening: Sequence[int],
+    seeds: Sequence[int],
 ) -> list[Reason]:
-    """What each street of a design is worth, the largest gain first. `seeds`: fresh ones."""
-    streets = streets_of(design, floor_plan)
-    if not streets:
-        return []
-    level = bonferroni(1 - ERROR, len(streets))
+    """What each street of a design is worth: confirmed ones by gain, then screened ones by gain.
+
+    `screening`, `seeds`: fresh seeds. Intervals of confirmed streets hold together, those of screened
+    streets one by one.
+    """
+    streets, screened = streets_of(design, floor_plan), []
+    if len(streets) > MOST_CONFIRMED:
+        ranked = worths(streets, design, floor_plan, compared, screening, 1 - ERROR)
+        ranked.sort(key=lambda one: (one.changes_nothing, -one.certainty))
+        clear = sum(one.certainty > 0 for one in ranked)
+        number = min(max(clear, MOST_EXPLAINED), MOST_CONFIRMED)
+        streets = [one.street for one in ranked[:number]]
+        screened = [one._replace(is_confirmed=False) for one in ranked[number:]]
+    level = bonferroni(1 - ERROR, len(streets) or 1)
+    confirmed = worths(streets, design, floor_plan, compared, seeds, level)
+    return [
+        one for each in (confirmed, screened) for one in sorted(each, key=lambda one: -one.gain)
+    ]
+
+
+def worths(
+    streets: Sequence[GuidedStreet],
+    design: StreetDesign,
+    floor_plan: FloorPlan,
+    compared: ComparedRuns,
+    seeds: Sequence[int],
+    level: float,
+) -> list[Reason]:
+    """What some streets are worth, with intervals of a level."""
     others = [without_street(design, street, floor_plan) for street in streets]
-    ranked = []
-    for street, (without, with_it) in zip(
-        streets, compared.pairs(others, design, seeds), strict=True
-    ):
-        worth = effect(with_it, without, True, level) if len(without) > 1 else None
-        share = 0.0 if worth is None else share_of(worth).value
-        ranked.append(Reason(street, worth, share if compared.is_higher_better else -share))
-    return sorted(ranked, key=lambda one: -one.gain)
+    pairs = compared.pairs(others, design, seeds) if streets else []
+    effects = [
+        effect(with_it, without, True, level) if len(without) > 1 else None
+        for without, with_it in pairs
+    ]
+    return [Reason(*one, compared.gain(one[1])) for one in zip(streets, effects, strict=True)]
 
 
 def sum_of_largest(ranked: Sequence[Reason], most: int = MOST_EXPLAINED) -> float:
-    """The sum of the largest gains of single streets, in shares of the metric."""
-    return sum(sorted((one.gain for one in ranked), reverse=True)[:most])
+    """The sum of the largest gains of single confirmed streets, in shares of the metric."""
+    return sum(sorted((one.gain for one in ranked if one.is_confirmed), reverse=True)[:most])
 
 
 class FewerStreets(NamedTuple):
@@ -300,8 +347,7 @@ def fewer(
     change = compared.effects([trial], design, seeds)[0] if removed else None
     if change is None:
         return FewerStreets(design, removed, None, False)
-    gain = share_of(change).value if compared.is_higher_better else -share_of(change).value
-    is_kept = gain >= -MOST_CHANGE
+    is_kept = compared.gain(change) >= -MOST_CHANGE
     return FewerStreets(trial if is_kept else design, removed, change, is_kept)
 
 

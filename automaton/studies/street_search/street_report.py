@@ -37,7 +37,8 @@ from automaton.studies.street_search.reasons import (
 in_percent: Final = change_text  # the words of a gain are those of a reason
 NO_DIRECTION: Final = ("·", ".")
 OBSTACLE: Final = "#"
-MOST_LISTED: Final = 40  # streets of the table
+MOST_LISTED: Final = 40  # streets without effect
+CHANGES_NOTHING: Final = "changes nothing"
 LARGEST_FLOOR: Final = (120, 80)  # columns and rows of a floor that is drawn
 
 
@@ -82,17 +83,27 @@ def blocks_of(
         rows = drawn_streets(last.design, floor_plan, ascii_only)
         yield CharacterPicture([[(row, "")] for row in rows])
     yield Heading("Reasons")
-    yield Text(HOW_COMPARED)
+    yield Text(how_compared(last.reasons))
     yield reasons_in_words(last.reasons, floor_plan, metric, total)
     yield reasons_table(last.reasons, floor_plan, metric)
     if len(last.reasons) > MOST_LISTED:
-        yield Text(f"The {MOST_LISTED} streets with the largest effects; --json has all.")
+        yield Text("Streets that were screened only are not listed; --json has all.")
 
 
-HOW_COMPARED: Final = (
-    "Each street is compared in pairs of runs with the design where both of its directions cost the same "
-    "and are open. Intervals hold for all streets together (95 %, Bonferroni)."
-)
+def how_compared(ranked: Sequence[Reason]) -> str:
+    """How streets were compared, and for what the intervals hold."""
+    screened = [one.worth.difference.n for one in ranked if not one.is_confirmed and one.worth]
+    confirmed = sum(one.is_confirmed for one in ranked)
+    text = (
+        "Each street is compared in pairs of runs with the design where both of its directions cost the "
+        "same and are open."
+    )
+    if screened:
+        text += (
+            f" All were screened in {max(screened):,} pairs; the {confirmed:,} with the clearest effects "
+            "have further pairs with fresh seeds, from which alone their effects come."
+        )
+    return f"{text} Intervals hold for all listed streets together (95 %, Bonferroni)."
 
 
 def reason_record(reason: Reason, floor_plan: FloorPlan) -> dict[str, Any]:
@@ -106,6 +117,7 @@ def reason_record(reason: Reason, floor_plan: FloorPlan) -> dict[str, Any]:
         "cheaper": reason.street.preference,
         "worth": worth,
         "has_effect": reason.has_effect,
+        "is_confirmed": reason.is_confirmed,
         **{
             key: one and {"orders": one.name, "lead_time": interval_record(one.change)}
             for key, one in groups.items()
@@ -136,6 +148,8 @@ def worth_words(reason: Reason) -> str:
     """What a street is worth, and whether that is significant."""
     if reason.worth is None:
         return "too few runs finished"
+    if reason.changes_nothing:
+        return CHANGES_NOTHING
     if reason.has_effect:
         return change_text(reason.worth)
     return f"{change_text(reason.worth)}, not significant"
@@ -149,10 +163,10 @@ def group_words(group: GroupChange) -> str:
 
 def reasons_table(ranked: Sequence[Reason], floor_plan: FloorPlan, metric: str) -> Table:
     """The streets with the largest effects, the largest gain first, with what each is worth."""
-    largest = sorted(ranked, key=lambda one: -abs(one.gain))[:MOST_LISTED]
     rows = [
         [one.street.name(floor_plan), one.street.preference, worth_words(one)]
-        for one in sorted(largest, key=lambda one: -one.gain)
+        for one in ranked
+        if one.is_confirmed
     ]
     return Table(("street", "cheaper", metric), rows, left=2, also_left=(2,))
 
@@ -162,6 +176,10 @@ def reasons_in_words(
 ) -> Listed:
     """The sentences of streets with an effect, and how they add up; `total`: what all gain."""
     items = [sentence(one, floor_plan) for one in ranked if one.has_effect]
+    nothing = [one.street.name(floor_plan) for one in ranked if one.changes_nothing]
+    if nothing:
+        more = f"; and {len(nothing) - MOST_LISTED:,} more" if len(nothing) > MOST_LISTED else ""
+        items.append(f"without effect in any run: {'; '.join(nothing[:MOST_LISTED])}{more}")
     return Listed([*items, *summary(ranked, metric, total)])
 
 
@@ -169,8 +187,12 @@ def summary(ranked: Sequence[Reason], metric: str, total: float | None) -> Itera
     """How many streets have an effect, and their sum beside the gain of the design."""
     number = sum(one.has_effect for one in ranked)
     yield f"{number:,} of {len(ranked):,} streets have a significant effect on {metric}"
+    if screened := [one for one in ranked if not one.is_confirmed]:
+        clear = sum(one.certainty > 0 for one in screened)
+        text = f"streets with less clear effects that were screened only: {len(screened):,}"
+        yield f"{text}, of which the intervals of {clear:,} exclude 0"
     if total is not None and ranked:
-        largest = min(10, len(ranked))
+        largest = min(10, sum(one.is_confirmed for one in ranked))
         text = f"the {largest} largest gains add up to {100 * sum_of_largest(ranked):+.1f} %"
         yield f"{text}; all streets together gain {100 * total:+.1f} %"
 

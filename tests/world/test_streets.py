@@ -16,6 +16,7 @@ from automaton.recording.recording_reader import read_recording
 from automaton.runs.simulation import Simulation
 from automaton.scenario.street_files import GGO_COLUMNS
 from automaton.verification.verification import verify
+from automaton.world.floor_parts import with_limits_and_streets
 from automaton.world.resolve import branched, resolve
 from automaton.world.scenario_warnings import scenario_warnings
 
@@ -202,6 +203,40 @@ def test_a_recording_repeats_and_a_branch_changes_weights_alone(tmp_path: Path) 
             branched(resolved, (f"streets=[{{{other}}}]",))
 
 
+@pytest.mark.parametrize(
+    "streets",
+    [
+        {"preset": "crisscross", "scale": "mean", "then": [{"row": 0, "east": "closed"}]},
+        {"preset": "crisscross", "against": "closed", "scale": "mean"},
+        {"preset": "crisscross", "then": [{"row": 2, "east": "open", "capacity": 2}]},
+        [{"row": 2, "east": 0.5, "west": 3}, {"row": 2, "columns": [1, 3], "east": "open"}],
+        [{"row": 4, "columns": [2, 2], "west": "closed"}, {"row": 4, "west": 0.3}],
+    ],
+)
+def test_the_floor_of_a_recording_has_the_same_weights(streets: Any) -> None:
+    """It is without its closed moves, and has its opened ones."""
+    data = scenario(streets, "......\n......\n.<<<..\n......\n......")
+    resolved = resolve(data)
+    recorded = resolved.floor_plan.without_weights()
+    again = with_limits_and_streets(resolved.scenario, recorded, is_closed=True)
+    assert again == resolved.floor_plan
+
+
+def test_a_branch_reads_a_file_whose_closed_moves_the_floor_lacks(tmp_path: Path) -> None:
+    (tmp_path / "streets.csv").write_text("x,y,east,west\n1,0,closed,2\n2,0,3,\n")
+    resolved = resolve(scenario([{"at": [1, 0], "east": "closed"}]))
+    file = tmp_path / "streets.csv"
+    for more in ("", ", scale: 2"):
+        other = branched(resolved, (f"streets={{file: {file}{more}}}",))
+        weights = other.floor_plan.move_weights[other.floor_plan.cell(2, 0)]
+        assert weights[EAST] == (600 if more else 300)
+    same = "streets=[{row: 0, columns: [1, 1], east: closed, south: 3}, {row: 4, east: 3}]"
+    with pytest.raises(InputError, match="neither closed or open moves"):
+        branched(resolved, (same.replace("south: 3", "west: closed"),))
+    all_of_row = resolve(scenario([{"row": 4, "east": "closed"}]))  # the last cell has no such move
+    branched(all_of_row, ("streets=[{row: 4, columns: [0, 4], east: closed, west: 2}]",))
+
+
 GGO = ",".join(GGO_COLUMNS)
 
 
@@ -252,8 +287,10 @@ def test_a_guidance_graph_has_rows_as_x_and_up_as_north(tmp_path: Path) -> None:
         (
             GGO + "\n0,@,0,0,inf,inf,inf,inf,1\n",
             2,
-            "is of type '@' in the guidance graph, and a floor",
+            "is of type '@' in the guidance graph, but floor",
         ),
+        ('x,y,east\n0,0,"2\n', 2, "is not CSV: unexpected end of data"),
+        ("x,y,east\n0,0," + "1" * 140_000, 2, "is not CSV: field larger than field limit"),
     ],
 )
 def test_a_wrong_file_is_refused_with_its_line(

@@ -114,7 +114,10 @@ class Simulation:
         self._decisions = 0  # number of decisions of Python strategies so far
         self._watchdog = None if patience is None else Watchdog(patience)
         in_convoy = after is not None and after.world.rules.following == FOLLOWING_CONVOY
-        world, floor = build_world(resolved, self.seed, storage, in_convoy=in_convoy)
+        orders = None if after is None else len(after.world.orders.state)
+        world, floor = build_world(
+            resolved, self.seed, storage, in_convoy=in_convoy, order_number=orders
+        )
         self.world: World = world
         self.workspace = floor.borrow_space(self, self.world.rules.table_bytes)
         # (m,) int32: least driving time of each delivered order in ticks; NIL until it is computed.
@@ -162,11 +165,13 @@ class Simulation:
             self.update_finished()
         with self._constants_kept():
             self._states = [self._state(strategy) for strategy in self.strategies]
-        # State by robot type no longer fits where types are split by load, or no longer are.
+        # State by robot type no longer fits where types are split by load, or no longer are; costs of
+        # ways no longer fit other weights of streets.
         if (
             after is not None
             and strategies is None
             and self.world.rules.loaded_types == after.world.rules.loaded_types
+            and resolved.floor_plan == after.resolved.floor_plan
         ):
             self._restore_states(after)
         self._mode = np.array([mode_of(strategy) for strategy in self.strategies], np.uint8)

@@ -237,6 +237,23 @@ def test_a_branch_reads_a_file_whose_closed_moves_the_floor_lacks(tmp_path: Path
     branched(all_of_row, ("streets=[{row: 4, columns: [0, 4], east: closed, west: 2}]",))
 
 
+def test_strategies_of_a_branch_with_other_weights_begin_anew() -> None:
+    """The memory of epibt has costs of ways."""
+    busy: Data = {
+        "strategy": {"right_of_way": "epibt"},
+        "stop": {"when": "never", "max_duration": 99},
+    }
+    busy["fleet"] = {"robots": 4, "start": [[0, 0], [5, 0], [0, 4], [5, 4]]}
+    crossing = {"preset": "crisscross"}
+    for before, after in ((None, crossing), (crossing, None)):
+        whole = automaton.Simulation(scenario(after, **busy))
+        branch = automaton.Simulation(scenario(before, **busy)).branch(streets=after)
+        digests = {run.step(ticks=40).digest for run in (whole, branch)}
+        assert len(digests) == 1
+        other = automaton.Simulation(scenario(before, **busy))
+        assert other.step(ticks=40).digest not in digests
+
+
 GGO = ",".join(GGO_COLUMNS)
 
 

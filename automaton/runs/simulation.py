@@ -82,8 +82,15 @@ OBSERVED_TICKS = 1024  # ticks that the buffers of an observation hold
 # The state is compared after some Python decisions only: two digests take longer than a short decision.
 ALWAYS_CHECKED = 100  # the first decisions, all checked
 CHECKED_EVERY = 256  # period of the checks after them
+MOVING_LAYERS = ("routing", "right_of_way")
 NO_STATE = NoState()  # of absent strategies; shared by all runs
 NO_MEMORY = Memory(address=registered_address(NO_STATE), rows=NO_STATE_ROWS)
+
+
+def rules_of_moves(resolved: Resolved) -> tuple[Any, ...]:
+    """What costs of ways and plans of moves depend on: durations, rules, weights of streets."""
+    scenario = resolved.scenario
+    return scenario.durations, scenario.world, resolved.floor_plan
 
 
 class Simulation:
@@ -165,13 +172,11 @@ class Simulation:
             self.update_finished()
         with self._constants_kept():
             self._states = [self._state(strategy) for strategy in self.strategies]
-        # State by robot type no longer fits where types are split by load, or no longer are; costs of
-        # ways no longer fit other weights of streets.
+        # State by robot type no longer fits where types are split by load, or no longer are.
         if (
             after is not None
             and strategies is None
             and self.world.rules.loaded_types == after.world.rules.loaded_types
-            and resolved.floor_plan == after.resolved.floor_plan
         ):
             self._restore_states(after)
         self._mode = np.array([mode_of(strategy) for strategy in self.strategies], np.uint8)
@@ -203,10 +208,14 @@ class Simulation:
         )
 
     def _restore_states(self, before: Simulation) -> None:
-        """Restore the states and objects of strategies that stay; some keep data in the object."""
+        """Restore the states and objects of strategies that stay; some keep data in the object.
+
+        Strategies that move robots begin anew where their costs of ways and plans no longer fit.
+        """
         known = list(before.resolved.choices)
+        is_alike = rules_of_moves(self.resolved) == rules_of_moves(before.resolved)
         for number, choice in enumerate(self.resolved.choices):
-            if choice in known:
+            if choice in known and (is_alike or choice[0] not in MOVING_LAYERS):
                 was = known.index(choice)
                 self.strategies[number] = before.strategies[was]
                 self._states[number] = before._states[was].copied()

@@ -47,10 +47,7 @@ from automaton.documents.report_document import (
     Text,
 )
 from automaton.errors import InputError
-from automaton.floor.floor_plan import FloorPlan
-from automaton.scenario.changing_floor import StreetPlan
 from automaton.scenario.document import Document, Override
-from automaton.scenario.streets import street_entries
 from automaton.studies.reports.comparisons import direction_of
 from automaton.studies.reports.study_results import described
 from automaton.studies.street_search import evolution, verdict
@@ -85,7 +82,7 @@ class Asked(NamedTuple):
     question: SearchQuestion
     resolved: Resolved  # as it is, in its own ticks
     base: Callable[[int | None], Resolved]  # it with all weights 1, with a number of robots
-    drawn: FloorPlan  # its floor without streets
+    drawn: Resolved  # without streets
     as_it_is: StreetDesign
     plan: SweepPlan  # of the scenario as it is
 
@@ -173,7 +170,7 @@ def run(args: argparse.Namespace) -> int:
     result = searched(args, asked)
     if result.finished is not None:
         floor_plan, design = asked.base(None).floor_plan, result.finished.design
-        rules = write_streets(args.out, asked.drawn, floor_plan, design)
+        rules = write_streets(args.out, asked.drawn.floor_plan, floor_plan, design)
         same = [rule_of(asked.resolved)]  # the default may be another one with closed moves
         same += [] if args.seed is None else [Override("--seed", ("seed",), args.seed)]
         write_scenario(path_of(args, asked), args.scenario, (*settings_of(args), *same), rules)
@@ -208,13 +205,12 @@ def asked_of(args: argparse.Namespace) -> Asked:
         )
         return without_weights(changed(*more))
 
-    own = resolved.own_streets
-    guided = resolved
-    if not isinstance(own, StreetPlan):  # it may have no weights
-        crossing = {"preset": "crisscross", "then": street_entries(own or ())}
+    own, guided = resolved.own_streets, resolved
+    if own is None or isinstance(own, tuple):  # they may have no weights
+        crossing = {"preset": "crisscross", "then": msgspec.to_builtins(own or ())}
         guided = changed(Override("streets", ("streets",), crossing))
     print_warnings(guided)
-    drawn = changed(NO_STREETS).floor_plan if own else resolved.floor_plan
+    drawn = changed(NO_STREETS) if own else resolved
     question, plan = question_of(args, resolved)
     stages_of(question)  # refuses too few runs
     for robots in question.robots:

@@ -210,7 +210,7 @@ class Simulation:
     def _restore_states(self, before: Simulation) -> None:
         """Restore the states and objects of strategies that stay; some keep data in the object.
 
-        Strategies that move robots begin anew where their costs of ways and plans no longer fit.
+        Strategies that move robots get a new state where their costs of ways and plans no longer fit.
         """
         known = list(before.resolved.choices)
         is_alike = rules_of_moves(self.resolved) == rules_of_moves(before.resolved)

@@ -288,7 +288,7 @@ def test_rules_of_streets_stay_in_the_search_and_in_its_result(tmp_path: Path) -
     assert with_design(base, asked.as_it_is).floor_plan == as_given
     design = crisscross(base.floor_plan, (0, 0), asked.as_it_is)
     design.closed[as_given.cell(2, 3), 0] = True
-    then = write_streets(tmp_path, asked.drawn, base.floor_plan, design)
+    then = write_streets(tmp_path, asked.drawn.floor_plan, base.floor_plan, design)
     path = tmp_path / "crowd-streets.yaml"
     write_scenario(path, str(scenario), [streets_command.rule_of(base)], then)
     assert resolve(path).floor_plan == with_design(base, design).floor_plan

@@ -360,6 +360,10 @@ def test_an_error_beside_a_file_of_streets_has_its_own_line(tmp_path: Path) -> N
         ([{"at": [1, 1], "wait": 1}], "street 1 has the cell [1, 1], a wall"),
         ([{"at": [1, 0], "north": 2}], "has north, but no robot can move north from its cells"),
         ([{"row": 0, "column": 1, "east": 1}], "exactly one of at, row, column, path and area"),
+        (
+            [{"path": [[0, 0]], "there": 1}],
+            "a list of at least 2 (each a cell [x, y]), found [[0, 0]]",
+        ),
         ([{"row": 0, "east": 0}], "a number from 0.01 to 10000, or closed, or open, found 0"),
         ([{"row": 0}], "has no weight"),
         ([{"row": 0, "capacity": 3}], "1"),
@@ -380,6 +384,13 @@ def test_wrong_streets_are_refused(streets: Any, says: str) -> None:
         resolve(scenario(streets, fleet=busy))
     assert says in str(refused.value)
     assert "\n" not in str(refused.value)
+
+
+def test_weights_that_are_too_large_for_the_floor_are_refused() -> None:
+    streets = {"preset": "crisscross", "along": 10_000, "against": 10_000}
+    resolve(scenario(streets, durations={"move": 40}))
+    with pytest.raises(InputError, match="divide them by 2 or more"):
+        resolve(scenario(streets, durations={"move": 60}))
 
 
 def test_check_warns_of_streets_without_effect() -> None:

@@ -384,8 +384,9 @@ class Simulation:
         """Return another simulation that continues from this state, and leave this one unchanged.
 
         `overrides` and `strategies` take effect in the next tick: keys of strategy, durations,
-        information, world, stop and streets. Unchanged strategies keep their memory; new ones begin
-        with the current state. Raises InputError.
+        information, world, stop and streets. Unchanged strategies keep their memory, but routing
+        and right of way not if durations, world or streets change; new ones begin with the current
+        state. Raises InputError.
         """
         from automaton.runs.headless import PastRules, attribute_strategy_errors
         from automaton.world.resolve import branched

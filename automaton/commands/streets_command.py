@@ -11,10 +11,12 @@ import math
 import shlex
 import sys
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import msgspec
 import numpy as np
 
 from automaton.commands.arguments import (
@@ -79,7 +81,8 @@ class Asked(NamedTuple):
 
     question: SearchQuestion
     resolved: Resolved  # as it is, in its own ticks
-    base: Callable[[int | None], Resolved]  # it without streets, with a number of robots
+    base: Callable[[int | None], Resolved]  # it with all weights 1, with a number of robots
+    drawn: Resolved  # without streets
     as_it_is: StreetDesign
     plan: SweepPlan  # of the scenario as it is
 
@@ -166,9 +169,11 @@ def run(args: argparse.Namespace) -> int:
         raise InputError("is not a folder", str(args.out))
     result = searched(args, asked)
     if result.finished is not None:
-        write_streets(args.out, asked.base(None).floor_plan, result.finished.design)
-        seed = () if args.seed is None else (Override("--seed", ("seed",), args.seed),)
-        write_scenario(path_of(args, asked), args.scenario, (*settings_of(args), *seed))
+        floor_plan, design = asked.base(None).floor_plan, result.finished.design
+        rules = write_streets(args.out, asked.drawn.floor_plan, floor_plan, design)
+        same = [rule_of(asked.resolved)]  # the default may be another one with closed moves
+        same += [] if args.seed is None else [Override("--seed", ("seed",), args.seed)]
+        write_scenario(path_of(args, asked), args.scenario, (*settings_of(args), *same), rules)
     document = document_of(result, asked, args)
     for name, form in REPORT_FILES:
         Output(form, args.out / name).write(lambda: document, dict)
@@ -183,36 +188,46 @@ def run(args: argparse.Namespace) -> int:
 
 def asked_of(args: argparse.Namespace) -> Asked:
     """The question of the arguments. Raises InputError."""
-    from automaton.studies.street_search.design_runs import with_design  # needs Numba
-
     settings = settings_of(args)
     resolved = resolve(args.scenario, settings, args.seed).unrefined
-    scenario = resolved.scenario
-    if not args.robots and scenario.fleet.robots < 2:
+    if not args.robots and resolved.scenario.fleet.robots < 2:
         raise InputError("streets need at least two robots, which get out of each other's way",
                          args.scenario)  # fmt: skip
-    same_rule = Override(
-        "right of way", ("strategy", "right_of_way"), scenario.strategy.right_of_way
-    )
+    same_rule = rule_of(resolved)
+
+    def changed(*more: Override) -> Resolved:
+        return resolve(args.scenario, (*settings, same_rule, *more), args.seed).unrefined
 
     @cache
     def base(robots: int | None) -> Resolved:
         more = (
-            () if robots is None else (Override(f"--robots {robots}", ("fleet", "robots"), robots),)
+            [] if robots is None else [Override(f"--robots {robots}", ("fleet", "robots"), robots)]
         )
-        return resolve(
-            args.scenario, (*settings, NO_STREETS, same_rule, *more), args.seed
-        ).unrefined
+        return without_weights(changed(*more))
 
-    floor_plan = base(None).floor_plan
-    as_it_is = evolution.design_of(floor_plan, scenario.streets)
-    crossing = evolution.crisscross(floor_plan, (0, 0), as_it_is)
-    print_warnings(with_design(base(None), crossing))
+    own, guided = resolved.own_streets, resolved
+    if own is None or isinstance(own, tuple):  # they may have no weights
+        crossing = {"preset": "crisscross", "then": msgspec.to_builtins(own or ())}
+        guided = changed(Override("streets", ("streets",), crossing))
+    print_warnings(guided)
+    drawn = changed(NO_STREETS) if own else resolved
     question, plan = question_of(args, resolved)
     stages_of(question)  # refuses too few runs
     for robots in question.robots:
         base(robots)
-    return Asked(question, resolved, base, as_it_is, plan)
+    return Asked(question, resolved, base, drawn, evolution.design_of(resolved.floor_plan), plan)
+
+
+def rule_of(resolved: Resolved) -> Override:
+    """The setting of the right of way of a scenario."""
+    keys = ("strategy", "right_of_way")
+    return Override("right of way", keys, resolved.scenario.strategy.right_of_way)
+
+
+def without_weights(resolved: Resolved) -> Resolved:
+    """A scenario without the weights of its streets; closed and open moves and capacities stay."""
+    scenario = msgspec.structs.replace(resolved.scenario, streets=None)
+    return replace(resolved, scenario=scenario, floor_plan=resolved.floor_plan.without_weights())
 
 
 def question_of(args: argparse.Namespace, resolved: Resolved) -> tuple[SearchQuestion, SweepPlan]:

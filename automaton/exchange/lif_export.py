@@ -29,6 +29,7 @@ from automaton.floor.floor_plan import (
     FLOOR,
     STATION,
     WALL,
+    WEIGHT_UNIT,
     FloorPlan,
 )
 from automaton.scenario.robot_types import types_of
@@ -329,4 +330,5 @@ def _lost(scenario: Scenario, floor_plan: FloorPlan, graph: FloorGraph) -> dict[
     parts: dict[str, int] = {part: len(getattr(scenario.floor, part)) for part in FLOOR_PARTS}
     parts |= {"types of robots": len(scenario.fleet.types), "areas": len(scenario.areas)}
     parts["cells without a way"] = len(graph.alone)
+    parts["weights of streets"] = int((floor_plan.move_weights != WEIGHT_UNIT).sum())
     return lost | {name: number for name, number in parts.items() if number}

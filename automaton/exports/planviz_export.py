@@ -117,16 +117,20 @@ def _ticks_of(
     """
     executed = [np.zeros((0, len(recording.header["robots"]["cell"])), np.uint16)]
     changes = [np.zeros((0, 4), np.int64)]
-    action_ticks = None
+    action_ticks, usual = None, refined_data(recording.header["scenario"]).durations.moves[0]
     for kind, content in recording.frames:
         if kind == FRAME_KIND_CONDITIONS:
+            scenario = refined_data(content["scenario"])
             wrong = next(_unfit(recording.header, content["scenario"]), "")
+            if not wrong and scenario.durations.moves[0] != usual:
+                wrong = (
+                    f"a branch changed durations.move from {usual} to {scenario.durations.moves[0]}"
+                )
             if wrong:
                 raise InputError(
                     "PlanViz requires robots whose moves and turns all take the same ticks and "
                     f"that only visit cells, but {wrong}"
                 )
-            scenario = refined_data(content["scenario"])
             if scenario.durations.moves[0] > 1 or scenario.faults.delays is not None:
                 action_ticks = scenario.durations.moves[0]
         elif kind == FRAME_KIND_TICKS:

@@ -82,8 +82,15 @@ OBSERVED_TICKS = 1024  # ticks that the buffers of an observation hold
 # The state is compared after some Python decisions only: two digests take longer than a short decision.
 ALWAYS_CHECKED = 100  # the first decisions, all checked
 CHECKED_EVERY = 256  # period of the checks after them
+MOVING_LAYERS = ("routing", "right_of_way")
 NO_STATE = NoState()  # of absent strategies; shared by all runs
 NO_MEMORY = Memory(address=registered_address(NO_STATE), rows=NO_STATE_ROWS)
+
+
+def rules_of_moves(resolved: Resolved) -> tuple[Any, ...]:
+    """What costs of ways and plans of moves depend on: durations, rules, weights of streets."""
+    scenario = resolved.scenario
+    return scenario.durations, scenario.world, resolved.floor_plan
 
 
 class Simulation:
@@ -114,7 +121,10 @@ class Simulation:
         self._decisions = 0  # number of decisions of Python strategies so far
         self._watchdog = None if patience is None else Watchdog(patience)
         in_convoy = after is not None and after.world.rules.following == FOLLOWING_CONVOY
-        world, floor = build_world(resolved, self.seed, storage, in_convoy=in_convoy)
+        orders = None if after is None else len(after.world.orders.state)
+        world, floor = build_world(
+            resolved, self.seed, storage, in_convoy=in_convoy, order_number=orders
+        )
         self.world: World = world
         self.workspace = floor.borrow_space(self, self.world.rules.table_bytes)
         # (m,) int32: least driving time of each delivered order in ticks; NIL until it is computed.
@@ -198,10 +208,14 @@ class Simulation:
         )
 
     def _restore_states(self, before: Simulation) -> None:
-        """Restore the states and objects of strategies that stay; some keep data in the object."""
+        """Restore the states and objects of strategies that stay; some keep data in the object.
+
+        Strategies that move robots get a new state where their costs of ways and plans no longer fit.
+        """
         known = list(before.resolved.choices)
+        is_alike = rules_of_moves(self.resolved) == rules_of_moves(before.resolved)
         for number, choice in enumerate(self.resolved.choices):
-            if choice in known:
+            if choice in known and (is_alike or choice[0] not in MOVING_LAYERS):
                 was = known.index(choice)
                 self.strategies[number] = before.strategies[was]
                 self._states[number] = before._states[was].copied()

@@ -129,7 +129,16 @@ def restore(
 def take_over(
     world: World, observation: Observation, other_world: World, other_observation: Observation
 ) -> None:
-    """Copy state and observation of another run with the same floor, fleet and orders."""
+    """Copy state and observation of another run with the same floor, fleet and orders.
+
+    Raises InputError if the numbers of orders differ.
+    """
+    orders, known = len(world.orders.state), len(other_world.orders.state)
+    if orders != known:
+        raise InputError(
+            f"a branch keeps the {known:,} orders of its run, but with these settings there would be "
+            f"{orders:,}; keep stop.max_duration"
+        )
     theirs = arrays_of_run(other_world, other_observation)
     # If only one of the runs has zoning, its zones are not copied: their numbers would be out of range.
     has_same_zones = len(world.service_zones.server) == len(other_world.service_zones.server)

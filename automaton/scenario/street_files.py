@@ -78,7 +78,7 @@ def read_streets(
     path = named_file(document, STREETS, "streets", streets.file)
     text = read_text(path)
     try:
-        listed, lines = streets_of_text(text, floor_plan, streets.scale)
+        listed, lines = streets_of_text(text, floor_plan, streets.scale, is_closed)
     except InputError as error:
         raise error.at(str(path), error.line) from None
     weights = streets_on(floor_plan, listed, is_closed)
@@ -90,17 +90,23 @@ def read_streets(
 
 
 def streets_of_text(
-    text: str, floor_plan: FloorPlan, scale: float | Literal["mean"] = 1.0
+    text: str,
+    floor_plan: FloorPlan,
+    scale: float | Literal["mean"] = 1.0,
+    is_closed: bool = False,
 ) -> tuple[tuple[Street, ...], list[int]]:
-    """The streets of a file, one for each cell, and their lines. Raises InputError with a line."""
+    """The streets of a file, one for each cell, and their lines. Raises InputError with a line.
+
+    `is_closed`: the floor is without its closed moves already.
+    """
     rows = rows_of(text)
     line, header = next(rows, (1, []))
     if tuple(header) == GGO_COLUMNS:
         entries = list(guidance_graph_cells(rows, floor_plan, line))
     else:
-        entries = list(own_cells(rows, header, floor_plan, line))
+        entries = list(own_cells(rows, header, floor_plan, line, is_closed))
     if scale != 1.0:
-        entries = scaled(entries, floor_plan, scale)
+        entries = scaled(entries, floor_plan, scale, is_closed)
     return tuple(street for _, street in entries), [line for line, _ in entries]
 
 
@@ -110,12 +116,21 @@ def rows_of(text: str) -> Iterator[tuple[int, list[str]]]:
     first = next((line for line in lines if line.strip()), "")
     separator = max(",;\t", key=first.count)
     for number, line in enumerate(lines, 1):
-        if line.strip(f" {separator}"):
-            yield number, [part.strip() for part in next(csv.reader([line], delimiter=separator))]
+        if not line.strip(f" {separator}"):
+            continue
+        try:
+            parts = next(csv.reader([line], delimiter=separator, strict=True))
+        except csv.Error as error:
+            raise InputError(f"is not CSV: {error}", line=number) from None
+        yield number, [part.strip() for part in parts]
 
 
 def own_cells(
-    rows: Iterator[tuple[int, list[str]]], header: list[str], floor_plan: FloorPlan, line: int
+    rows: Iterator[tuple[int, list[str]]],
+    header: list[str],
+    floor_plan: FloorPlan,
+    line: int,
+    is_closed: bool,
 ) -> Iterator[tuple[int, Street]]:
     """The streets of a file with the columns x, y and directions."""
     names = [name.lower() for name in header]
@@ -144,11 +159,12 @@ def own_cells(
             )
         line_of[x, y] = number
         check_cell(floor_plan, x, y, number)
-        exits = int(floor_plan.exits.flat[floor_plan.cell(x, y)])
-        weights: dict[str, Any] = {}
+        cell, weights = floor_plan.cell(x, y), dict[str, Any]()
         for name in STREET_COLUMNS[2:]:
             if texts.get(name):
-                weights[name] = weight_of(texts[name], name, (x, y), number)
+                weight = weights[name] = weight_of(texts[name], name, (x, y), number)
+                may_lack = is_closed and weight == CLOSED_MOVE
+                exits = (floor_plan.possible_exits if may_lack else floor_plan.exits).flat[cell]
                 if name != "wait" and not exits >> DIRECTIONS.index(name) & 1:
                     raise InputError(
                         f"cell [{x}, {y}] has a weight to the {name}, where no robot can move",
@@ -219,7 +235,7 @@ def guidance_graph_cells(
         if (values[1] in tuple(GGO_WALLS)) != is_wall:
             kind = floor_plan.kind_of(cell).name
             raise InputError(
-                f"cell [{x}, {y}] is of type {quoted(values[1])} in the guidance graph, and a {kind} on "
+                f"cell [{x}, {y}] is of type {quoted(values[1])} in the guidance graph, but {kind} on "
                 "this floor",
                 line=line,
             )
@@ -256,20 +272,21 @@ def graph_cell(
 
 
 def scaled(
-    entries: list[tuple[int, Street]], floor_plan: FloorPlan, scale: float | str
+    entries: list[tuple[int, Street]], floor_plan: FloorPlan, scale: float | str, is_closed: bool
 ) -> list[tuple[int, Street]]:
     """The streets of all cells, with scaled weights."""
-    weights = streets_on(floor_plan, tuple(street for _, street in entries))
+    weights = streets_on(floor_plan, tuple(street for _, street in entries), is_closed)
     weights.scale(scale)
     lines = {street.at: line for line, street in entries}
     streets = []
     for cell in np.flatnonzero(floor_plan.drivable).tolist():
         at = floor_plan.xy(cell)
-        ways: dict[str, Any] = {"wait": weights.waits[cell] / WEIGHT_UNIT}
+        ways: dict[str, Any] = {"wait": float(weights.waits[cell]) / WEIGHT_UNIT}
         for direction, way in enumerate(DIRECTIONS):
-            if weights.exits[cell] >> direction & 1:
-                weight = float(weights.moves[cell, direction]) / WEIGHT_UNIT
-                ways[way] = CLOSED_MOVE if weights.closed[cell, direction] else weight
+            if weights.closed[cell, direction]:
+                ways[way] = CLOSED_MOVE
+            elif weights.exits[cell] >> direction & 1:
+                ways[way] = float(weights.moves[cell, direction]) / WEIGHT_UNIT
         streets.append((lines.get(at, 1), Street(at=at, **ways)))
     return streets
 

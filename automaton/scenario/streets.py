@@ -32,6 +32,7 @@ from automaton.scenario.changing_floor import (
     CLOSED_MOVE,
     MOST_WEIGHT,
     OPEN_MOVE,
+    Rectangle,
     Street,
     StreetPlan,
     cells_of_path,
@@ -69,29 +70,36 @@ class StreetWeights:
     def set_move(
         self, cell: int, direction: int, weight: float | str, keys: Keys = STREETS
     ) -> bool:
-        """Set the weight of a move, or open or close it; False if the floor has no such move."""
+        """Set the weight of a move, or open or close it; False if the floor has no such move.
+
+        A move that the floor lacks has its weight from when a later street opens it.
+        """
         if weight == OPEN_MOVE and self.floor_plan.possible_exits.flat[cell] >> direction & 1:
             self.exits[cell] |= np.uint8(1 << direction)
             self.opened[cell, direction] = True
+        if not isinstance(weight, str):
+            self.moves[cell, direction] = hundredths(weight)
         if not self.is_closed and not self.exits[cell] >> direction & 1:
             return False
         self.closed[cell, direction] = weight == CLOSED_MOVE
         if weight == CLOSED_MOVE:
             self.closed_by[cell, direction] = keys
-        elif not isinstance(weight, str):
-            self.moves[cell, direction] = hundredths(weight)
         return True
 
     @property
     def rules(self) -> NDArray[np.uint8]:
         """(cells, 9) what cannot change during a run: closed and opened moves, capacities."""
-        parts = (self.closed, self.opened & ~self.closed, self.capacity[:, None])
+        possible = self.floor_plan.possible_exits.reshape(-1)[:, None] >> np.arange(4) & 1 > 0
+        parts = (self.closed & possible, self.opened & ~self.closed, self.capacity[:, None])
         return np.concatenate([part.astype(np.uint8) for part in parts], axis=1)
 
-    def scale(self, factor: float | str) -> None:
-        """Multiply all weights; "mean": such that the mean over all moves becomes 1."""
-        exits = self.open_moves()
+    def scale(self, factor: float | str, moves: NDArray[np.bool_] | None = None) -> None:
+        """Multiply all weights; "mean": such that their mean becomes 1.
+
+        `moves`: (cells, 4) the moves over which it is the mean; None: all moves.
+        """
         if factor == "mean":
+            exits = self.open_moves() if moves is None else moves
             mean = float(self.moves[exits].mean()) / WEIGHT_UNIT if exits.any() else 1.0
             factor = 1.0 / mean
         if factor == 1.0:
@@ -137,7 +145,13 @@ def streets_on(
     weights = StreetWeights(floor_plan, is_closed)
     if isinstance(streets, StreetPlan):
         enter_crisscross(weights, streets)
-        weights.scale(streets.scale)
+        moves = None
+        if (
+            streets.scale == "mean"
+        ):  # over the moves of the floor with all streets, as recordings have it
+            unscaled = msgspec.structs.replace(streets, scale=1.0)
+            moves = streets_on(floor_plan, unscaled, is_closed).open_moves()
+        weights.scale(streets.scale, moves)
         enter_streets(weights, streets.then, THEN)
     else:
         enter_streets(weights, streets or ())
@@ -231,10 +245,10 @@ def cells_of_street(street: Street, name: str, floor_plan: FloorPlan) -> list[in
         return cells_of_set(name, street.area, floor_plan)
     if street.row is not None:
         first, last = street.columns or (0, floor_plan.width - 1)
-        corners = ((first, street.row), (last, street.row))
+        corners = Rectangle(first=(first, street.row), last=(last, street.row))
     else:
         first, last = street.rows or (0, floor_plan.height - 1)
-        corners = ((street.column or 0, first), (street.column or 0, last))
+        corners = Rectangle(first=(street.column or 0, first), last=(street.column or 0, last))
     return cells_of_set(name, corners, floor_plan)
 
 

@@ -157,7 +157,9 @@ def described(expected: Any) -> str:
         items = [described(item) for item in expected.item_types]
         return "a cell [x, y]" if items == ["a whole number"] * 2 else f"[{', '.join(items)}]"
     if isinstance(expected, inspect.VarTupleType | inspect.ListType):
-        return f"a list (each {described(expected.item_type)})"
+        least = expected.min_length or 0
+        many = f" of at least {least}" if least > 1 else ""
+        return f"a list{many} (each {described(expected.item_type)})"
     if isinstance(expected, inspect.StructType):
         names = ", ".join(field.encode_name for field in expected.fields)
         return f"a mapping with the keys {names}" if "," in names else f"{{{names}: ...}}"

@@ -86,16 +86,19 @@ def build_world(
     storage: Array | None = None,
     longest_route: int | None = None,
     in_convoy: bool = False,
+    order_number: int | None = None,
 ) -> tuple[World, PreparedFloor]:
     """The world at tick 0.
 
     `storage`: (n,) the identity stored at each index; default 0..n-1. `longest_route`: most steps of a
     route; default: the longest on this floor. `in_convoy`: at tick 0 of a branch, robots may already
-    follow each other in moves of several ticks.
+    follow each other in moves of several ticks. `order_number`: as in `build_orders`.
     """
     is_refined = resolved.coarse is not None
     in_convoy = in_convoy or is_refined  # moves of one tick then take several
-    world, floor = _build_coarse(resolved.unrefined, seed, storage, longest_route, in_convoy)
+    world, floor = _build_coarse(
+        resolved.unrefined, seed, storage, longest_route, in_convoy, order_number
+    )
     return refined_world(world, resolved) if is_refined else (world, floor)
 
 
@@ -105,13 +108,14 @@ def _build_coarse(
     storage: Array | None,
     longest_route: int | None,
     in_convoy: bool,
+    order_number: int | None,
 ) -> tuple[World, PreparedFloor]:
     """The world at tick 0 in the ticks of its scenario."""
     scenario = resolved.scenario
     types = resolved.fleet.types
     floor = floor_for(resolved.floor_plan, scenario.world.traffic_zones, types)
     starts = homes(resolved, seed)
-    orders, slots, stops = build_orders(resolved, floor, seed, starts[0])
+    orders, slots, stops = build_orders(resolved, floor, seed, starts[0], order_number)
     carried = build_pods(resolved, floor, slots, orders, seed)
     if carried.orders is not None and carried.stops is not None:
         orders, stops = carried.orders, carried.stops

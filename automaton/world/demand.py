@@ -45,12 +45,12 @@ DRAW_STOP: Final = 16  # and above: first stop, second stop, ...
 
 
 def build_orders(
-    resolved: Resolved, floor: PreparedFloor, seed: int, homes: Array
+    resolved: Resolved, floor: PreparedFloor, seed: int, homes: Array, number: int | None
 ) -> tuple[Orders, Slots, Stops]:
     """Orders (by slot in table order, as listed, or as drawn), the slots, and the stops of orders.
 
     Slots are served from the cells that robots can reach and return from. `homes`: (n,) start cells of
-    robots by identity.
+    robots by identity. `number`: of orders of a repeated list; None: as many as robots can do.
     """
     fleet = resolved.fleet
     first = np.cumsum([0, *fleet.counts[:-1]])  # robots of each type begin in one part of the floor
@@ -61,7 +61,7 @@ def build_orders(
         source, target, released = part_orders(resolved, floor.grid.slot)
         coming = np.full(len(source), NIL)
     else:
-        source, target = sources_and_targets(resolved, floor, service.access, seed)
+        source, target = sources_and_targets(resolved, floor, service.access, seed, number)
         released, coming = releases(resolved.scenario, len(source), seed)
     weight = weights(resolved.scenario.orders, len(source), seed)
     slots = slots_of(resolved, floor, service, source)
@@ -154,7 +154,7 @@ def with_loaded_types(fleet: FleetOnFloor, service: Service) -> tuple[Array, Arr
 
 
 def sources_and_targets(
-    resolved: Resolved, floor: PreparedFloor, access: Array, seed: int
+    resolved: Resolved, floor: PreparedFloor, access: Array, seed: int, number: int | None
 ) -> tuple[Array, Array]:
     """(m,) slots where the orders begin and end; NIL for those without a load."""
     orders = resolved.scenario.orders
@@ -170,7 +170,7 @@ def sources_and_targets(
     if orders.lines is not None:  # trips are created during the run
         return np.zeros(0, np.int32), np.zeros(0, np.int32)
     if orders.generator == "tours" or orders.tasks is not None:
-        count = order_count(resolved.scenario, resolved.floor_plan)
+        count = order_count(resolved.scenario, resolved.floor_plan) if number is None else number
         count = len(profile_ticks(resolved.scenario, seed)) if orders.follows_profile else count
         return np.full(count, NIL, np.int32), np.full(count, NIL, np.int32)
     if orders.generator in DRAWN_GENERATORS:

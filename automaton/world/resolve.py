@@ -11,7 +11,7 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from automaton.engine.distance_tables import least_table_bytes
+from automaton.engine.distance_tables import UNREACHABLE, WEIGHT_UNIT, least_table_bytes
 from automaton.errors import Finding, InputError, InvalidValueError, Keys, refuse
 from automaton.floor.floor_plan import FloorPlan
 from automaton.scenario.document import Override
@@ -83,6 +83,7 @@ def _resolved(reading: Reading, settings: tuple[str | Override, ...]) -> Resolve
 
     fleet = feasible_fleet(scenario, floor, pods_are_of_file=reading.pod_file is not None)
     refuse(check_table_memory(scenario, floor.floor_plan))
+    refuse(check_street_costs(scenario, floor.floor_plan))
 
     scenario = with_right_of_way(scenario, fleet)
     strategies = choose_strategies(scenario, floor.floor_plan, folder=reading.folder)
@@ -145,6 +146,22 @@ def check_table_memory(scenario: Scenario, floor_plan: FloorPlan) -> Iterator[Fi
             f"world.distance_tables is {text}, but a table of the {cells:,} cells of this floor takes "
             f"{memory(size)}; set it to at least that",
         )
+
+
+def check_street_costs(scenario: Scenario, floor_plan: FloorPlan) -> Iterator[Finding]:
+    """No way costs UNREACHABLE: it leaves each cell once, by the dearest move after two turns."""
+    weights, limits = floor_plan.move_weights, floor_plan.min_move_ticks
+    if not len(weights):
+        return
+    types = types_of(scenario)
+    move, turn = (max(max(getattr(one, name)) for one in types) for name in ("moves", "turns"))
+    is_exit = (floor_plan.exits.reshape(-1, 1) >> np.arange(4)) & 1 > 0
+    ticks = np.maximum(limits, move) if len(limits) else move
+    moves = np.where(is_exit, weights.astype(np.int64) * ticks, 0).max(axis=1).sum()
+    dearest = int(moves) + 2 * WEIGHT_UNIT * turn * int(np.count_nonzero(floor_plan.drivable))
+    if dearest >= UNREACHABLE:
+        text = "streets has weights that are too large for this floor and the durations of moves"
+        yield Finding(("streets",), f"{text}; divide them by {dearest // UNREACHABLE + 1} or more")
 
 
 # The strategies of the layers and of types of robots.
@@ -299,6 +316,7 @@ def branched(resolved: Resolved, settings: tuple[str, ...]) -> Resolved:
             scenario, floor_plan = with_other_weights(reading, scenario, resolved)
         refuse(check_energy(scenario, floor_plan))
         refuse(check_table_memory(scenario, floor_plan))
+        refuse(check_street_costs(scenario, floor_plan))
         strategies = choose_strategies(scenario, floor_plan, folder=reading.folder)
         own_allocations = choose_own_allocations(scenario, floor_plan, reading.folder)
         changed = replace(

@@ -128,15 +128,15 @@ def street_warnings(resolved: Resolved) -> list[str]:
             "epibt read them"
         )
     exits = (floor_plan.exits.reshape(-1)[:, None] >> np.arange(4)) & 1 > 0
-    mean = float(floor_plan.move_weights[exits].mean()) / WEIGHT_UNIT
+    mean = float(f"{floor_plan.move_weights[exits].mean() / WEIGHT_UNIT:.3g}")
     turns = any(ticks for one in resolved.fleet.types for ticks in one.turns)
     if turns and mean > FAR_FROM_1:
         warnings.append(
-            f"streets has a mean weight of {mean:.3g}, so turns are nearly free; set scale: mean"
+            f"streets has a mean weight of {mean:,g}, so turns are nearly free; set scale: mean"
         )
     elif turns and mean < 1 / FAR_FROM_1:
         warnings.append(
-            f"streets has a mean weight of {mean:.3g}, so turns are very expensive; set scale: mean"
+            f"streets has a mean weight of {mean:g}, so turns are very expensive; set scale: mean"
         )
     return warnings + into
 

@@ -248,3 +248,15 @@ def test_the_command_says_what_is_not_in_the_file(
     assert "VDMA LIF 1.0.0, 15 nodes, 26 edges, cells of 1 m" in printed
     assert "left out: storage (ways over it are kept) 5" in printed
     assert json.loads(out.read_text())["metaInformation"]["exportTimestamp"].endswith("Z")
+
+
+def test_closed_moves_have_no_edge_and_weights_are_left_out(tmp_path: Path) -> None:
+    streets = (
+        "streets: [{path: [[1, 3], [2, 3]], back: 2}, {path: [[3, 3], [4, 3]], back: closed}]\n"
+    )
+    two_way = SITE.replace(">>>>.t", ".....t") + streets
+    resolved = written(tmp_path, two_way)
+    assert not imported(resolved, tmp_path).exits[4, 5] >> 2 & 1  # west from [4, 3]
+    names = all_station_names(resolved.scenario, resolved.floor_plan)
+    exported = lif_file(resolved.scenario, resolved.floor_plan, names, "2.0.0")
+    assert exported.lost["weights of streets"] == 1

@@ -178,3 +178,10 @@ def test_the_recording_is_not_replaced(tmp_path: Path, capsys: pytest.CaptureFix
     )
     assert main(["export", str(path), "--planviz", str(path)]) == 2
     assert "cannot write it" in capsys.readouterr().err
+
+
+def test_a_branch_with_other_ticks_of_actions_is_refused(tmp_path: Path) -> None:
+    recording = imported(league(tmp_path), tmp_path, "stop.max_duration=1")
+    recording.header["scenario"]["durations"]["move"] = 2
+    with pytest.raises(InputError, match="a branch changed durations"):
+        planviz_output(recording)

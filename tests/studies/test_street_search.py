@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import argparse
 import json
 import sys
 from concurrent.futures import ThreadPoolExecutor
@@ -13,12 +14,13 @@ import pytest
 from streets_trials import crowd
 from sweep_studies import OwnThread, interrupting
 
-from automaton.commands import main, sweep_command
+from automaton.commands import main, streets_command, sweep_command
 from automaton.floor.floor_plan import WEIGHT_UNIT
 from automaton.scenario.street_files import street_table, streets_of_text
 from automaton.scenario.streets import StreetWeights, streets_on
 from automaton.studies.street_search import evolution, finishing, verdict
 from automaton.studies.street_search.candidates import CANDIDATES_FILE
+from automaton.studies.street_search.design_runs import with_design
 from automaton.studies.street_search.designs import StreetDesign, stretches
 from automaton.studies.street_search.evolution import (
     ROWS,
@@ -27,7 +29,10 @@ from automaton.studies.street_search.evolution import (
     NamedDesign,
     SearchQuestion,
     Stage,
+    crisscross,
+    design_of,
 )
+from automaton.studies.street_search.street_output import write_scenario, write_streets
 from automaton.studies.sweeps import pools
 from automaton.studies.sweeps.run_keys import seed_of
 from automaton.world.resolve import resolve
@@ -264,3 +269,43 @@ def test_a_forecast_says_how_many_cores_are_of_use(
     told = capsys.readouterr().out
     assert "generations 4 x 24 (rows) and 2 x 32 (stretches)" in " ".join(told.split())
     assert "uses at most 32 cores" in " ".join(told.split()) and "2 workers" in told
+
+
+def test_rules_of_streets_stay_in_the_search_and_in_its_result(tmp_path: Path) -> None:
+    """The scenario as it is has its closed and open moves and its capacities; so has the result."""
+    rules = [
+        {"row": 1, "columns": [3, 5], "west": "closed"},
+        {"at": [4, 3], "west": "open", "capacity": 2},
+        {"row": 3, "east": 0.5},
+    ]
+    ring = RING.replace("#.......#\n#########\n", "#..>>...#\n#########\n")
+    scenario = tmp_path / "crowd.yaml"
+    scenario.write_text(json.dumps({**crowd(ring), "streets": rules}))
+    parser = argparse.ArgumentParser()
+    streets_command.add_arguments(parser)
+    parser.set_defaults(refine=None, decide=None)
+    asked = streets_command.asked_of(parser.parse_args([str(scenario), "--out", str(tmp_path)]))
+    base, as_given = asked.base(None), asked.resolved.floor_plan
+    assert with_design(base, asked.as_it_is).floor_plan == as_given
+    design = crisscross(base.floor_plan, (0, 0), asked.as_it_is)
+    design.closed[as_given.cell(2, 3), 0] = True
+    then = write_streets(tmp_path, asked.drawn.floor_plan, base.floor_plan, design)
+    path = tmp_path / "crowd-streets.yaml"
+    write_scenario(path, str(scenario), [streets_command.rule_of(base)], then)
+    assert resolve(path).floor_plan == with_design(base, design).floor_plan
+
+
+def test_a_design_without_weights_is_read_back(tmp_path: Path) -> None:
+    floor_plan = resolve(crowd(RING)).floor_plan
+    assert not write_streets(tmp_path, floor_plan, floor_plan, design_of(floor_plan))
+    assert streets_of_text((tmp_path / "streets.csv").read_text(), floor_plan) == ((), [])
+
+
+def test_guidance_that_replaces_weights_is_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    scenario = tmp_path / "crowd.yaml"
+    scenario.write_text(json.dumps(crowd()))
+    lattice = "strategy.right_of_way={name: pibt, guidance: lattice}"
+    assert main(["streets", str(scenario), "--out", str(tmp_path / "o"), "--set", lattice]) == 2
+    assert "its lattice weights would replace those of streets" in capsys.readouterr().err

@@ -18,7 +18,7 @@ from automaton.runs.simulation import Simulation
 from automaton.scenario.arrivals import BatchSize, LognormalSize, SizeRange, expected_orders
 from automaton.verification.validator import validate_stored
 from automaton.world.release_ticks import batch_sizes, mean_batch, profile_ticks
-from automaton.world.resolve import Resolved, resolve
+from automaton.world.resolve import Resolved, branched, resolve
 
 SCENARIO = """\
 name: week
@@ -260,3 +260,9 @@ def test_check_says_how_many_orders_arrive(tmp_path: Path, capsys: Any) -> None:
     week(tmp_path)
     assert main(["check", str(tmp_path / "week.yaml")]) == 0
     assert "about 1,050 orders arrive in 14,400 ticks (4 h)" in capsys.readouterr().out
+
+
+def test_a_branch_with_other_numbers_of_orders_is_refused(tmp_path: Path) -> None:
+    run = Simulation(week(tmp_path))
+    with pytest.raises(InputError, match="a branch keeps the"):
+        run.continue_with(branched(run.resolved, ("stop.max_duration=2 h",)))

@@ -16,6 +16,7 @@ from automaton.recording.recording_reader import read_recording
 from automaton.runs.simulation import Simulation
 from automaton.scenario.street_files import GGO_COLUMNS
 from automaton.verification.verification import verify
+from automaton.world.floor_parts import with_limits_and_streets
 from automaton.world.resolve import branched, resolve
 from automaton.world.scenario_warnings import scenario_warnings
 
@@ -202,6 +203,57 @@ def test_a_recording_repeats_and_a_branch_changes_weights_alone(tmp_path: Path) 
             branched(resolved, (f"streets=[{{{other}}}]",))
 
 
+@pytest.mark.parametrize(
+    "streets",
+    [
+        {"preset": "crisscross", "scale": "mean", "then": [{"row": 0, "east": "closed"}]},
+        {"preset": "crisscross", "against": "closed", "scale": "mean"},
+        {"preset": "crisscross", "then": [{"row": 2, "east": "open", "capacity": 2}]},
+        [{"row": 2, "east": 0.5, "west": 3}, {"row": 2, "columns": [1, 3], "east": "open"}],
+        [{"row": 4, "columns": [2, 2], "west": "closed"}, {"row": 4, "west": 0.3}],
+    ],
+)
+def test_the_floor_of_a_recording_has_the_same_weights(streets: Any) -> None:
+    """It is without its closed moves, and has its opened ones."""
+    data = scenario(streets, "......\n......\n.<<<..\n......\n......")
+    resolved = resolve(data)
+    recorded = resolved.floor_plan.without_weights()
+    again = with_limits_and_streets(resolved.scenario, recorded, is_closed=True)
+    assert again == resolved.floor_plan
+
+
+def test_a_branch_reads_a_file_whose_closed_moves_the_floor_lacks(tmp_path: Path) -> None:
+    (tmp_path / "streets.csv").write_text("x,y,east,west\n1,0,closed,2\n2,0,3,\n")
+    resolved = resolve(scenario([{"at": [1, 0], "east": "closed"}]))
+    file = tmp_path / "streets.csv"
+    for more in ("", ", scale: 2"):
+        other = branched(resolved, (f"streets={{file: {file}{more}}}",))
+        weights = other.floor_plan.move_weights[other.floor_plan.cell(2, 0)]
+        assert weights[EAST] == (600 if more else 300)
+    same = "streets=[{row: 0, columns: [1, 1], east: closed, south: 3}, {row: 4, east: 3}]"
+    with pytest.raises(InputError, match="neither closed or open moves"):
+        branched(resolved, (same.replace("south: 3", "west: closed"),))
+    all_of_row = resolve(scenario([{"row": 4, "east": "closed"}]))  # the last cell has no such move
+    branched(all_of_row, ("streets=[{row: 4, columns: [0, 4], east: closed, west: 2}]",))
+
+
+def test_strategies_of_a_branch_with_other_weights_begin_anew() -> None:
+    """The memory of epibt has costs of ways."""
+    busy: Data = {
+        "strategy": {"right_of_way": "epibt"},
+        "stop": {"when": "never", "max_duration": 99},
+    }
+    busy["fleet"] = {"robots": 4, "start": [[0, 0], [5, 0], [0, 4], [5, 4]]}
+    crossing = {"preset": "crisscross"}
+    for before, after in ((None, crossing), (crossing, None)):
+        whole = automaton.Simulation(scenario(after, **busy))
+        branch = automaton.Simulation(scenario(before, **busy)).branch(streets=after)
+        digests = {run.step(ticks=40).digest for run in (whole, branch)}
+        assert len(digests) == 1
+        other = automaton.Simulation(scenario(before, **busy))
+        assert other.step(ticks=40).digest not in digests
+
+
 GGO = ",".join(GGO_COLUMNS)
 
 
@@ -252,8 +304,10 @@ def test_a_guidance_graph_has_rows_as_x_and_up_as_north(tmp_path: Path) -> None:
         (
             GGO + "\n0,@,0,0,inf,inf,inf,inf,1\n",
             2,
-            "is of type '@' in the guidance graph, and a floor",
+            "is of type '@' in the guidance graph, but floor",
         ),
+        ('x,y,east\n0,0,"2\n', 2, "is not CSV: unexpected end of data"),
+        ("x,y,east\n0,0," + "1" * 140_000, 2, "is not CSV: field larger than field limit"),
     ],
 )
 def test_a_wrong_file_is_refused_with_its_line(
@@ -306,6 +360,10 @@ def test_an_error_beside_a_file_of_streets_has_its_own_line(tmp_path: Path) -> N
         ([{"at": [1, 1], "wait": 1}], "street 1 has the cell [1, 1], a wall"),
         ([{"at": [1, 0], "north": 2}], "has north, but no robot can move north from its cells"),
         ([{"row": 0, "column": 1, "east": 1}], "exactly one of at, row, column, path and area"),
+        (
+            [{"path": [[0, 0]], "there": 1}],
+            "a list of at least 2 (each a cell [x, y]), found [[0, 0]]",
+        ),
         ([{"row": 0, "east": 0}], "a number from 0.01 to 10000, or closed, or open, found 0"),
         ([{"row": 0}], "has no weight"),
         ([{"row": 0, "capacity": 3}], "1"),
@@ -326,6 +384,13 @@ def test_wrong_streets_are_refused(streets: Any, says: str) -> None:
         resolve(scenario(streets, fleet=busy))
     assert says in str(refused.value)
     assert "\n" not in str(refused.value)
+
+
+def test_weights_that_are_too_large_for_the_floor_are_refused() -> None:
+    streets = {"preset": "crisscross", "along": 10_000, "against": 10_000}
+    resolve(scenario(streets, durations={"move": 40}))
+    with pytest.raises(InputError, match="divide them by 2 or more"):
+        resolve(scenario(streets, durations={"move": 60}))
 
 
 def test_check_warns_of_streets_without_effect() -> None:

@@ -15,6 +15,7 @@ from automaton.runs.headless import orders_exhausted
 from automaton.runs.simulation import Simulation
 from automaton.verification.verification import verify_recording
 from automaton.world import task_lists
+from automaton.world.resolve import branched
 from automaton.world.task_lists import _moves as moves
 from automaton.world.task_lists import order_count
 
@@ -161,6 +162,20 @@ def test_a_list_that_repeats_is_never_used_up(assign: str, tasks: Any) -> None:
         resolved.scenario, resolved.floor_plan
     )
     assert verify_recording(recorder.recording()).passed
+
+
+@pytest.mark.parametrize("setting", ["stop.max_duration=200", "durations.move=3"])
+def test_a_branch_keeps_the_orders_of_a_list_that_repeats(setting: str) -> None:
+    orders = {"tasks": TASKS, "repeat": True, "revealed": 2.5}
+    run = built(orders, stop={"when": "never", "max_duration": 100})
+    run.run(until=20)
+    before = run.world.orders.delivered.copy()
+    other = branched(run.resolved, (setting,))
+    assert order_count(other.scenario, other.floor_plan) != len(before)
+    branch = run.continue_with(other)
+    assert branch.world.orders.delivered.tolist() == before.tolist()
+    branch.run(until=60)
+    assert (branch.world.orders.delivered >= 0).sum() > (before >= 0).sum() > 0
 
 
 def test_a_long_run_has_a_bounded_pool_of_tasks_and_says_when_it_is_used_up(

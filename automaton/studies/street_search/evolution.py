@@ -20,8 +20,7 @@ from numpy.typing import NDArray
 
 from automaton.errors import InputError
 from automaton.floor.floor_plan import WEIGHT_UNIT, FloorPlan
-from automaton.scenario.changing_floor import Streets
-from automaton.scenario.streets import StreetWeights, crisscross_on, streets_on
+from automaton.scenario.streets import StreetWeights, crisscross_on
 from automaton.studies.street_search.candidates import CandidateLog
 from automaton.studies.street_search.designs import Row, StreetDesign, StreetRuns, stretches
 from automaton.studies.sweeps.run_keys import seed_of
@@ -116,10 +115,13 @@ def start_phases() -> tuple[tuple[int, int] | None, ...]:
     return None, (0, 0), (0, 1), (1, 0), (1, 1)
 
 
-def design_of(floor_plan: FloorPlan, streets: Streets | None) -> StreetDesign:
-    """The streets of a scenario on its floor without streets."""
-    weights = streets_on(floor_plan, streets)
-    return StreetDesign(weights.moves, weights.waits, weights.closed)
+def design_of(floor_plan: FloorPlan) -> StreetDesign:
+    """The weights of a floor."""
+    cells = floor_plan.kind.size
+    moves, waits = floor_plan.move_weights, floor_plan.wait_weights
+    if not len(moves):
+        moves, waits = (np.full(shape, WEIGHT_UNIT, np.int32) for shape in ((cells, 4), cells))
+    return StreetDesign(moves, waits, np.zeros((cells, 4), np.bool_))
 
 
 def crisscross(

@@ -1,19 +1,26 @@
 """Messages of real robots as columns.
 
-A log is read once. Each message is a row: where a robot was, what it carried and what it did at the
-time of the stamp. Rows are ordered by robot, then by time.
+A log is read once, line by line. Each message is a row: where a robot was, what it carried and what it
+did at the time of the stamp. Rows are ordered by robot, then by time. Formats of lines: log_lines.
 """
 
 from __future__ import annotations
 
+import itertools
+from collections.abc import Iterable, Mapping
+from pathlib import Path
 from typing import Any, Final, NamedTuple
 
 import numpy as np
 
+from automaton.calibration.log_lines import FIELDS, NOT_NUMBERED, LineReader, LogNames
+from automaton.errors import InputError
+from automaton.units import count
+
 Array = np.ndarray[Any, Any]
 
 MAX_GAP_MS: Final = 30_000  # VDA 5050 asks for a message every 30 s; longer pauses are gaps
-UNKNOWN: Final = -1  # a load or a flag that is not known
+ROWS_AT_A_TIME: Final = 8192  # rows held as Python objects
 
 
 class Samples(NamedTuple):
@@ -40,11 +47,31 @@ class LogCounts(NamedTuple):
     messages: int  # rows of the log
     lines: int  # lines read, empty ones not counted
     skipped: dict[str, int]  # lines that are not messages, by reason
-    doubled: int  # messages repeated with the same stamp
-    unordered: int  # messages older than one of the same robot before them
-    missing: int  # messages that header numbers show to be lost
-    clock_steps: int  # messages with a later header number but an earlier stamp
+    doubled: int  # messages repeated with their stamp and number
+    unordered: int  # messages older than one of their robot before them
+    missing: int  # messages that the numbers of others show to be lost
+    clock_steps: int  # messages with a later number but an earlier stamp than the one before
     gaps: int  # pauses of a robot above 30 s
+    versions: dict[str, int]  # messages by version of the standard
+
+    def sentences(self) -> list[str]:
+        """What was read and what was wrong, as lines of a report."""
+        versions = ", ".join(f"{name} {many:,}" for name, many in self.versions.items() if name)
+        lines = [
+            f"{count(self.messages, 'message')}" + (f" of VDA 5050 {versions}" if versions else "")
+        ]
+        if self.skipped:
+            why = ", ".join(f"{name} {many:,}" for name, many in self.skipped.items())
+            lines.append(f"{count(sum(self.skipped.values()), 'line')} skipped: {why}")
+        words = {
+            "doubled": self.doubled,
+            "unordered": self.unordered,
+            "missing": self.missing,
+            "clock stepped back": self.clock_steps,
+            "pauses above 30 s": self.gaps,
+        }
+        wrong = ", ".join(f"{name} {many:,}" for name, many in words.items() if many)
+        return [*lines, wrong] if wrong else lines
 
 
 class StateLog(NamedTuple):
@@ -57,3 +84,114 @@ class StateLog(NamedTuple):
     orders: tuple[str, ...]
     usable: Array  # (n,) bool: row i and the next are of one robot, without gap or clock step
     counts: LogCounts
+
+
+TYPES: Final = {
+    **dict.fromkeys(("x", "y", "theta", "charge"), np.float64),
+    **dict.fromkeys(("time", "action_id", "header"), np.int64),
+    **dict.fromkeys(("robot", "load", "action", "order"), np.int32),
+    **dict.fromkeys(("charging", "driving"), np.int8),
+    "down": np.bool_,
+}
+
+
+def read_log(paths: Iterable[Path], columns: Mapping[str, str] | None = None) -> StateLog:
+    """Read files of VDA 5050 state messages, or CSV files, as one log.
+
+    `columns`: names of columns in CSV files by field, such as {"robot": "agv"}. Files that end in .gz
+    are decompressed. Raises InputError for a file that cannot be read, or without any message.
+    """
+    names = LogNames()
+    reader = LineReader(names, columns or {})
+    parts: dict[str, list[Array]] = {name: [] for name in FIELDS}
+    for path in paths:
+        before = reader.messages
+        rows = reader.rows(path)
+        while block := list(itertools.islice(rows, ROWS_AT_A_TIME)):
+            for name, values in zip(FIELDS, zip(*block, strict=True), strict=True):
+                parts[name].append(np.array(values, TYPES[name]))
+        if reader.messages == before:
+            raise InputError(f"has no state message{reader.first_reason}", str(path))
+    arrays = {name: np.concatenate(parts.pop(name)) for name in FIELDS}
+    return _ordered(arrays, names, reader)
+
+
+def _ordered(arrays: dict[str, Array], names: LogNames, reader: LineReader) -> StateLog:
+    """The log of rows in the order of their arrival."""
+    arrays, doubled = _without_repetitions(arrays)
+    unordered, steps = _late_arrivals(arrays)
+    order = np.lexsort((arrays["header"], arrays["time"], arrays["robot"]))
+    for name in FIELDS:
+        arrays[name] = arrays[name][order]
+    header = arrays.pop("header")
+    samples = Samples(**arrays)
+    if reader.counts_actions:
+        samples = samples._replace(action_id=_counted_actions(samples))
+    pair = samples.robot[1:] == samples.robot[:-1]
+    elapsed = np.diff(samples.time)
+    gaps = pair & (elapsed > MAX_GAP_MS)
+    usable = np.append(pair & ~gaps & (elapsed > 0), False)
+    for robot, back_to, latest in steps:
+        usable[_between(samples, robot, back_to, latest)] = False
+    known = pair & (header[1:] != NOT_NUMBERED) & (header[:-1] != NOT_NUMBERED)
+    lost = np.where(known & usable[:-1] | known & gaps, np.diff(header) - 1, 0)
+    counts = LogCounts(
+        messages=len(header),
+        lines=reader.lines,
+        skipped=dict(reader.skipped),
+        doubled=doubled,
+        unordered=unordered,
+        missing=int(lost[lost > 0].sum()),
+        clock_steps=len(steps),
+        gaps=int(gaps.sum()),
+        versions=dict(reader.versions),
+    )
+    return StateLog(
+        samples,
+        tuple(names.robots),
+        tuple(names.loads),
+        tuple(names.actions),
+        tuple(names.orders),
+        usable,
+        counts,
+    )
+
+
+def _without_repetitions(arrays: dict[str, Array]) -> tuple[dict[str, Array], int]:
+    """The rows without those that repeat an earlier one's robot, stamp and number; and how many."""
+    keys = arrays["header"], arrays["time"], arrays["robot"]
+    order = np.lexsort(keys)
+    again = np.ones(max(len(order) - 1, 0), np.bool_)
+    for key in keys:
+        again &= np.diff(key[order]) == 0
+    repeated = order[1:][again]
+    if len(repeated):
+        arrays = {name: np.delete(array, repeated) for name, array in arrays.items()}
+    return arrays, len(repeated)
+
+
+def _late_arrivals(arrays: dict[str, Array]) -> tuple[int, list[tuple[int, int, int]]]:
+    """The number of unordered rows, and for each step back of a clock its robot, stamp, and the stamp
+    before."""
+    order = np.argsort(arrays["robot"], kind="stable")
+    robot, time, header = (arrays[name][order] for name in ("robot", "time", "header"))
+    back = np.flatnonzero((np.diff(robot) == 0) & (np.diff(time) < 0))
+    stepped = (header[back] != NOT_NUMBERED) & (header[back + 1] > header[back])
+    steps = back[stepped]
+    rows = zip(robot[steps].tolist(), time[steps + 1].tolist(), time[steps].tolist(), strict=True)
+    return int(np.count_nonzero(~stepped)), list(rows)
+
+
+def _between(samples: Samples, robot: int, first: int, last: int) -> slice:
+    """The rows of a robot with stamps from `first` to `last`."""
+    begin, end = np.searchsorted(samples.robot, (robot, robot + 1))
+    low = begin + np.searchsorted(samples.time[begin:end], first)
+    high = begin + np.searchsorted(samples.time[begin:end], last, side="right")
+    return slice(max(int(low) - 1, 0), int(high))
+
+
+def _counted_actions(samples: Samples) -> Array:
+    """(n,) numbers of the runs of rows with one action, which a CSV file does not number."""
+    begins = (np.diff(samples.action, prepend=0) != 0) | (np.diff(samples.robot, prepend=-1) != 0)
+    number: Array = np.where(samples.action > 0, np.cumsum(begins), 0)
+    return number

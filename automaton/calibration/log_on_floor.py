@@ -27,6 +27,7 @@ MAX_OFF_FLOOR: Final = 0.02  # share of the positions
 SNAP_M: Final = 0.05  # metres from a centre within which a robot stands in the cell
 MAX_STEP: Final = 1.5  # cells to a message before or after that shows where a robot drives
 MAX_FITTED: Final = 50_000  # positions that a fit looks at
+NEAR_BEST: Final = 0.002  # share below the best fit at which a simpler one is preferred
 SAME_FIT: Final = 1e-6  # difference of shares that counts as none
 QUARTER: Final = math.pi / 2
 NAMED: Final = {"mm": "millimetres", "cm": "centimetres", "ft": "feet", "in": "inches"}
@@ -149,6 +150,7 @@ class Fit(NamedTuple):
     rotation: int  # degrees
     is_mirrored: bool
     origin: tuple[float, float]
+    cells: int = 0  # visited ones
 
     def __str__(self) -> str:
         parts = []
@@ -183,9 +185,14 @@ def _nearest_fit(samples: Samples, floor_plan: FloorPlan, metres: float) -> str:
     ]
     if not fits:
         return "no unit, origin and quarter turn fits them"
-    return str(
-        min(fits, key=lambda fit: (fit.is_mirrored, fit.unit != "m", any(fit.origin), fit.rotation))
-    )
+    share = max(fit.share for fit in fits) - NEAR_BEST
+    cells = max(fit.cells for fit in fits) / 2  # too small a unit puts all robots in a few cells
+    good = (fit for fit in fits if fit.share >= share and fit.cells >= cells)
+    return str(min(good, key=_complexity))
+
+
+def _complexity(fit: Fit) -> tuple[bool, bool, bool, int]:
+    return fit.is_mirrored, fit.unit != "m", any(fit.origin), fit.rotation
 
 
 def _shifts(x: Array, y: Array, floor_plan: FloorPlan, metres: float, turned: Fit) -> Iterator[Fit]:
@@ -204,12 +211,14 @@ def _shifts(x: Array, y: Array, floor_plan: FloorPlan, metres: float, turned: Fi
     near_row, near_column = np.rint(row).astype(np.int64), np.rint(column).astype(np.int64)
     inside = (near_row >= 0) & (near_row < height) & (near_column >= 0) & (near_column < width)
     on_floor = inside & mask[np.where(inside, near_row, 0), np.where(inside, near_column, 0)]
+    cells = len(np.unique(near_row * width + near_column))
+    turned = turned._replace(cells=cells)
     yield turned._replace(share=float(on_floor.mean()))
     low_row, low_column = low_row + _phase(row), low_column + _phase(column)
     shape = 2 * height, 2 * width
     visits = np.zeros(shape)
-    cells = np.rint(row - low_row).astype(np.int64), np.rint(column - low_column).astype(np.int64)
-    np.add.at(visits, cells, 1 / len(x))
+    at = np.rint(row - low_row).astype(np.int64), np.rint(column - low_column).astype(np.int64)
+    np.add.at(visits, at, 1 / len(x))
     matches = np.fft.irfft2(np.conj(np.fft.rfft2(visits)) * np.fft.rfft2(mask, shape), shape)
     best = np.argwhere(matches >= matches.max() - SAME_FIT)
     shifts = (best + np.array([height, width])) % np.array(shape) - np.array([height, width])

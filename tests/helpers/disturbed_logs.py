@@ -27,8 +27,11 @@ class Disturbance(NamedTuple):
     clock_s: float = 1.0  # greatest offset of a robot's clock
 
 
+USUAL = Disturbance()
+
+
 def disturbed(
-    lines: Iterable[bytes], seed: int, disturbance: Disturbance = Disturbance()
+    lines: Iterable[bytes], seed: int, disturbance: Disturbance = USUAL
 ) -> Iterator[bytes]:
     """Yield the messages that arrive, each with its line end."""
     draws = random.Random(seed)
@@ -51,9 +54,7 @@ def disturbed(
         yield msgspec.json.encode(message) + b"\n"
 
 
-def disturb(
-    source: Path, target: Path, seed: int, disturbance: Disturbance = Disturbance()
-) -> None:
+def disturb(source: Path, target: Path, seed: int, disturbance: Disturbance = USUAL) -> None:
     """Write the disturbed messages of a file to another."""
     with source.open("rb") as lines, target.open("wb") as out:
         out.writelines(disturbed(lines, seed, disturbance))

@@ -28,6 +28,8 @@ SNAP_M: Final = 0.05  # metres from a centre within which a robot stands in the 
 MAX_STEP: Final = 1.5  # cells to a message before or after that shows where a robot drives
 MAX_FITTED: Final = 50_000  # positions that a fit looks at
 NEAR_BEST: Final = 0.002  # share below the best fit at which a simpler one is preferred
+NEAR_CENTRE: Final = 0.15  # cells
+MIN_CELLS: Final = 20  # that robots visit, if another unit fits
 SAME_FIT: Final = 1e-6  # difference of shares that counts as none
 QUARTER: Final = math.pi / 2
 NAMED: Final = {"mm": "millimetres", "cm": "centimetres", "ft": "feet", "in": "inches"}
@@ -169,6 +171,8 @@ def _nearest_fit(samples: Samples, floor_plan: FloorPlan, metres: float) -> str:
     """What puts the positions on the floor, as a phrase."""
     known = np.flatnonzero(np.isfinite(samples.x) & np.isfinite(samples.y))
     some = known[:: max(1, len(known) // MAX_FITTED)]
+    # Too small a unit puts all robots in a few cells, wherever they were.
+    least = min(MIN_CELLS, int(floor_plan.drivable.sum()) // 4)
     fits = [
         fit
         for is_mirrored in (False, True)
@@ -181,12 +185,12 @@ def _nearest_fit(samples: Samples, floor_plan: FloorPlan, metres: float) -> str:
             metres,
             Fit(0, unit, rotation, is_mirrored, (0, 0)),
         )
-        if fit.share >= 1 - MAX_OFF_FLOOR
+        if fit.share >= 1 - MAX_OFF_FLOOR and (fit.unit == "m" or fit.cells >= least)
     ]
     if not fits:
         return "no unit, origin and quarter turn fits them"
     share = max(fit.share for fit in fits) - NEAR_BEST
-    cells = max(fit.cells for fit in fits) / 2  # too small a unit puts all robots in a few cells
+    cells = max(fit.cells for fit in fits) / 2
     good = (fit for fit in fits if fit.share >= share and fit.cells >= cells)
     return str(min(good, key=_complexity))
 
@@ -232,5 +236,8 @@ def _shifts(x: Array, y: Array, floor_plan: FloorPlan, metres: float, turned: Fi
 
 
 def _phase(places: Array) -> float:
-    """The most usual offset of positions from whole numbers, in (-1/2, 1/2]."""
-    return float(np.angle(np.exp(2j * math.pi * places).mean()) / (2 * math.pi))
+    """The usual offset of positions from whole numbers: that of robots that stand in a cell."""
+    mean = float(np.angle(np.exp(2j * math.pi * places).mean()) / (2 * math.pi))
+    off = places - mean - np.rint(places - mean)
+    near = off[np.abs(off) < NEAR_CENTRE]
+    return mean + float(np.median(near)) if len(near) else mean

@@ -151,7 +151,11 @@ class StateChanges:
         state = np.array(
             (
                 *(position.cells(sample.world, index), robots.order[index], robots.load[index]),
-                *(sample.moves - (robots.claim[index] != NIL), sample.driving, robots.status[index]),
+                *(
+                    sample.moves - (robots.claim[index] != NIL),
+                    sample.driving,
+                    robots.status[index],
+                ),
                 *(np.where(acts, robots.action[index], 0), np.where(acts, sample.begun, 0)),
                 *(is_charging(robots)[index], robots.route_hash[index]),
             ),

@@ -57,10 +57,11 @@ class LogCounts(NamedTuple):
 
     def sentences(self) -> list[str]:
         """What was read and what was wrong, as lines of a report."""
-        versions = ", ".join(f"{name} {many:,}" for name, many in self.versions.items() if name)
-        lines = [
-            f"{count(self.messages, 'message')}" + (f" of VDA 5050 {versions}" if versions else "")
-        ]
+        versions = [name for name in self.versions if name]
+        of = f" of VDA 5050 {', '.join(versions)}" if versions else ""
+        if len(self.versions) > 1:
+            of += f" ({', '.join(f'{many:,}' for many in self.versions.values())})"
+        lines = [f"{count(self.messages, 'message')}{of}"]
         if self.skipped:
             why = ", ".join(f"{name} {many:,}" for name, many in self.skipped.items())
             lines.append(f"{count(sum(self.skipped.values()), 'line')} skipped: {why}")

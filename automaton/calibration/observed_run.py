@@ -83,9 +83,11 @@ def write_observed_run(log: StateLog, resolved: Resolved, path: Path) -> Observe
         )
     demand = _demand_of(log, tick)
     resolved = _observed(resolved, demand, log, begin)
-    turn = resolved.scenario.durations.turns[0]
-    ways = Ways(resolved.floor_plan)
-    fleet = Fleet(log, place, tick, demand.order, demand.load, ways, turn, max(ticks, 1))
+    durations = resolved.scenario.durations
+    fleet = Fleet(
+        *(log, place, tick, demand.order, demand.load, Ways(resolved.floor_plan)),
+        *(durations.turns[0], durations.moves, max(ticks, 1)),
+    )
     lines = _timelines(fleet, numbers, robots)
     changes = _sorted_changes([line.changes for line in lines])
     at_start = np.searchsorted(changes[:, 0], 1)

@@ -191,6 +191,7 @@ class _Line:
 
     def begin(self, code: int, first: int, last: int) -> bool:
         """Enter an action in the ticks from `first` to `last`, as far as they are free."""
+        last = min(last, self.fleet.ticks)
         ticks = np.flatnonzero(self.free[first : last + 1])
         if first > last or not len(ticks):
             return False
@@ -331,7 +332,7 @@ class _Line:
         return tick
 
     def enter_turns(self) -> None:
-        """Enter headings, and turns: the last free ticks before a message with another heading."""
+        """Enter headings, and turns: the free ticks around the first message with another heading."""
         known = np.flatnonzero((self.heading != NIL) & (self.cell != NIL))
         if len(known):
             first = int(known[0])
@@ -354,7 +355,8 @@ class _Line:
                 tick = begin + int(free[-1])
                 before = np.flatnonzero(~self.free[max(1, tick - ticks + 1) : tick])
                 first = max(1, tick - ticks + 1) + (int(before[-1]) + 1 if len(before) else 0)
-                self.begin(TURN_LEFT if quarters == 3 else TURN_RIGHT, first, tick)
+                # A robot may show its new heading as soon as it begins to turn.
+                self.begin(TURN_LEFT if quarters == 3 else TURN_RIGHT, first, first + ticks - 1)
                 tick = max(tick, since + 1)
             self.changes.append((tick, CHANGE_SEEN_HEADING, heading))
 

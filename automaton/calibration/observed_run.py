@@ -27,7 +27,7 @@ from automaton.calibration.robot_timelines import (
 from automaton.calibration.state_log import StateLog
 from automaton.engine.state import NIL, Array
 from automaton.errors import InputError
-from automaton.recording.observed_recorder import ObservedRecorder
+from automaton.recording.recorder import ObservedRecorder
 from automaton.runs.headless import Outcome, outcome_of
 from automaton.runs.periods import PeriodMarks
 from automaton.runs.simulation import Simulation

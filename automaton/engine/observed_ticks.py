@@ -83,9 +83,13 @@ def show_ticks(world, observation, executed, changes, first, until):
         for identity in range(acts.shape[0]):
             i = np.int64(robots.at_index[identity])
             robots.executed[i] = acts[identity] & KNOWN_BITS
+        begin = row
         row = enter_changes(world, changes, row)
         for i in range(robots.cell.shape[0]):
             show(world, observation, i)
+        for k in range(begin, row):  # a turn begins with the heading before it
+            if changes[k, 1] == CHANGE_SEEN_HEADING:
+                robots.heading[robots.at_index[changes[k, 2]]] = changes[k, 3]
         if clock.observing:
             observe(world, observation)
             find_cycles(world, observation)
@@ -117,7 +121,8 @@ def enter_changes(world, changes, row):
             robots.busy[i] = 0
             robots.parked[i] = 1 if value == NIL else 0
         elif code == CHANGE_SEEN_HEADING:
-            robots.heading[i] = value
+            if not is_turn(np.int64(robots.executed[i]) & ACTION_MASK):
+                robots.heading[i] = value
         elif code == CHANGE_SEEN_CHARGE:
             robots.charge[i] = value
         elif code == CHANGE_SEEN_ORDER:
@@ -203,7 +208,7 @@ def show(world, observation, i):
     set_goal_of(world, i, act)
     if MOVE_EAST <= act and act <= MOVE_NORTH:
         show_move(world, i, act - MOVE_EAST, loaded, ticks)
-    elif act == TURN_LEFT or act == TURN_RIGHT:
+    elif is_turn(act):
         count_action(world, i, ACTION_TURN, loaded, ticks)
         note_turn(world, i, ticks)
     elif act == EXECUTED_CHARGE:
@@ -229,6 +234,11 @@ def show(world, observation, i):
         world.tally.ticks[i, ACTION_DOWN, 0] += 1 if robots.cell[i] != NIL else 0
     elif robots.busy[i] == 0:
         robots.action[i] = ACTION_IDLE
+
+
+@kernel
+def is_turn(act):
+    return act == TURN_LEFT or act == TURN_RIGHT
 
 
 @kernel

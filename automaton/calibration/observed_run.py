@@ -8,6 +8,8 @@ from __future__ import annotations
 
 import datetime
 import re
+from collections import Counter
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final, NamedTuple
@@ -27,6 +29,9 @@ from automaton.calibration.robot_timelines import (
 from automaton.calibration.state_log import StateLog
 from automaton.engine.state import NIL, Array
 from automaton.errors import InputError
+from automaton.history.playback import Playback
+from automaton.recording.contents import FRAME_TICKS
+from automaton.recording.frames import Recording
 from automaton.recording.recorder import ObservedRecorder
 from automaton.runs.headless import Outcome, outcome_of
 from automaton.runs.periods import PeriodMarks
@@ -44,6 +49,8 @@ MAX_ORDERS: Final = 200_000
 STRATEGIES: Final = {"allocation": "independent", "routing": "shortest", "right_of_way": "wait"}
 DAY_MS: Final = 86_400_000
 EPOCH: Final = datetime.datetime(1970, 1, 1)
+TWO_ROBOTS: Final = "two robots in a cell for one"
+SWAP: Final = "two robots that swapped their cells"
 LEFT_OUT: Final = (  # of the scenario: what was not observed
     *("pods", "faults", "streets", "floor", "areas", "world", "measure", "stations"),
     *("refine", "decide", "information"),
@@ -191,6 +198,7 @@ def _observed(resolved: Resolved, demand: Demand, log: StateLog, begin: int) -> 
     }
     x, y = resolved.floor_plan.xy(int(np.flatnonzero(resolved.floor_plan.drivable)[0]))
     clock = EPOCH + datetime.timedelta(milliseconds=begin)
+    data["name"] = f"{resolved.scenario.name} (observed)"
     data["units"] = {**data["units"], "clock": clock.isoformat(" ", "seconds")}
     data["orders"] = {
         "list": [{"stops": [{"at": [x, y]}], "release": tick} for tick in demand.release.tolist()]
@@ -222,3 +230,77 @@ def _sorted_changes(changes: list[Array]) -> Array:
     tick, code, value = np.concatenate(changes).T
     order = np.lexsort((code, tick))
     return np.stack((tick, code, robots, value), axis=1)[order]
+
+
+# What real robots did that the rules of motion forbid.
+
+
+class Breach(NamedTuple):
+    """Something that a model of one robot in a cell rules out, and where it was seen first."""
+
+    what: str
+    times: int
+    tick: int
+    robots: tuple[int, int]
+    cell: tuple[int, int]  # x, y
+
+    def __str__(self) -> str:
+        one, other = self.robots
+        where = f"first in tick {self.tick:,}: robots {one} and {other} at {self.cell}"
+        return f"{self.what}: {count(self.times, 'time')}, {where}"
+
+
+def breaches_of(
+    recording: Recording, show: Callable[[str, int], None] = lambda what, tick: None
+) -> list[Breach]:
+    """What the robots of an observed run did against the rules of motion; `show`: the progress.
+
+    A stay of two robots in a cell counts once, however long it lasts.
+    """
+    playback = Playback(recording.header, recording.stored())
+    floor_plan = playback.simulation.resolved.floor_plan
+    capacity = floor_plan.capacity.ravel()
+    first: dict[str, Breach] = {}
+    times: Counter[str] = Counter()
+    before, together = _cells(playback), set[tuple[int, int]]()
+    for tick in range(1, recording.ticks + 1):
+        playback.go_to(tick)
+        now = _cells(playback)
+        pairs = set(_robots_together(now, capacity))
+        new = [(TWO_ROBOTS, one, other, now[one]) for one, other in sorted(pairs - together)]
+        new += [(SWAP, one, other, now[one]) for one, other in _swaps(before, now)]
+        for what, one, other, cell in new:
+            times[what] += 1
+            if what not in first:
+                place = floor_plan.xy(int(cell))
+                first[what] = Breach(what, 0, tick, (one, other), place)
+        before, together = now, pairs
+        if tick % FRAME_TICKS == 0:
+            show("rules", tick)
+    return [breach._replace(times=times[what]) for what, breach in first.items()]
+
+
+def _cells(playback: Playback) -> Array:
+    """(n,) the cell of each robot, by identity."""
+    robots = playback.simulation.world.robots
+    cells: Array = robots.cell[robots.at_index].astype(np.int64)
+    return cells
+
+
+def _robots_together(cell: Array, capacity: Array) -> Iterator[tuple[int, int]]:
+    """Yield pairs of neighbours in the list of the robots of each cell with too many robots."""
+    order = np.argsort(cell, kind="stable")
+    same = np.diff(cell[order]) == 0
+    same &= (cell[order][1:] != NIL) & (capacity[cell[order][1:]] == 1)
+    for at in np.flatnonzero(same).tolist():
+        yield int(order[at]), int(order[at + 1])
+
+
+def _swaps(before: Array, now: Array) -> Iterator[tuple[int, int]]:
+    """Yield the pairs of robots that have changed places in a tick."""
+    moved = np.flatnonzero((before != now) & (before != NIL) & (now != NIL)).tolist()
+    came = {(int(before[robot]), int(now[robot])): robot for robot in moved}
+    for robot in moved:
+        other = came.get((int(now[robot]), int(before[robot])))
+        if other is not None and robot < other:
+            yield robot, other

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import datetime
 import re
-from collections import Counter
+from collections import Counter, deque
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -37,7 +37,7 @@ from automaton.runs.headless import Outcome, outcome_of
 from automaton.runs.periods import PeriodMarks
 from automaton.runs.simulation import Simulation
 from automaton.scenario.order_lines import plain_data
-from automaton.scenario.quantities import Scale
+from automaton.scenario.quantities import LAST_TICK, Scale
 from automaton.scenario.schema import LAYER_NAMES, Scenario
 from automaton.units import count
 from automaton.world.resolve import Resolved, choose_strategies
@@ -102,6 +102,7 @@ def write_observed_run(log: StateLog, resolved: Resolved, path: Path) -> Observe
         "first": changes[:at_start],
         "robots": names_of(log, numbers, robots),
         "log": tuple(log.counts.sentences()),
+        "gap": _gap_of(log, tick),
     }
     with ObservedRecorder(path, resolved, observed) as file:
         file.write_ticks(np.stack([line.executed for line in lines], axis=1), changes[at_start:])
@@ -157,6 +158,12 @@ class Demand(NamedTuple):
     left_out: int
 
 
+def _gap_of(log: StateLog, tick: Array) -> int:
+    """Ticks from one message of a robot to the next, usually."""
+    gaps = np.diff(tick)[log.usable[:-1]]
+    return max(1, int(np.median(gaps))) if len(gaps) else 1
+
+
 def _demand_of(log: StateLog, tick: Array) -> Demand:
     """The orders of a run; a load that is carried for an order is the load of this order."""
     samples = log.samples
@@ -200,10 +207,9 @@ def _observed(resolved: Resolved, demand: Demand, log: StateLog, begin: int) -> 
     clock = EPOCH + datetime.timedelta(milliseconds=begin)
     data["name"] = f"{resolved.scenario.name} (observed)"
     data["units"] = {**data["units"], "clock": clock.isoformat(" ", "seconds")}
-    data["orders"] = {
-        "list": [{"stops": [{"at": [x, y]}], "release": tick} for tick in demand.release.tolist()]
-    }
-    data["stop"] = {"when": "never", "max_duration": 2_000_000_000}
+    releases = demand.release.tolist() or [LAST_TICK]  # a list holds an order at least
+    data["orders"] = {"list": [{"stops": [{"at": [x, y]}], "release": at} for at in releases]}
+    data["stop"] = {"when": "never", "max_duration": LAST_TICK}
     data["strategy"] = {**dict.fromkeys(LAYER_NAMES, "none"), **STRATEGIES}
     for kind in data["fleet"].get("types", []):
         kind.pop("strategy", None)
@@ -255,26 +261,30 @@ def breaches_of(
 ) -> list[Breach]:
     """What the robots of an observed run did against the rules of motion; `show`: the progress.
 
-    A stay of two robots in a cell counts once, however long it lasts.
+    Between two messages positions are interpolated. So two robots count that are in one cell for longer
+    than it takes from one message to the next, once however long; and swaps within this time.
     """
     playback = Playback(recording.header, recording.stored())
     floor_plan = playback.simulation.resolved.floor_plan
-    capacity = floor_plan.capacity.ravel()
+    capacity, gap = floor_plan.capacity.ravel(), recording.header["observed"]["gap"]
     first: dict[str, Breach] = {}
     times: Counter[str] = Counter()
-    before, together = _cells(playback), set[tuple[int, int]]()
+    past = deque([_cells(playback)], maxlen=gap)
+    lasts: dict[tuple[int, int], int] = {}  # ticks that two robots have been together
+    swapped: set[tuple[int, int]] = set()
     for tick in range(1, recording.ticks + 1):
         playback.go_to(tick)
         now = _cells(playback)
-        pairs = set(_robots_together(now, capacity))
-        new = [(TWO_ROBOTS, one, other, now[one]) for one, other in sorted(pairs - together)]
-        new += [(SWAP, one, other, now[one]) for one, other in _swaps(before, now)]
-        for what, one, other, cell in new:
+        lasts = {pair: lasts.get(pair, 0) + 1 for pair in _robots_together(now, capacity)}
+        swaps = set(_swaps(past[0], now))
+        new = [(TWO_ROBOTS, *pair) for pair, ticks in sorted(lasts.items()) if ticks == gap + 1]
+        new += [(SWAP, *pair) for pair in sorted(swaps - swapped)]
+        for what, one, other in new:
             times[what] += 1
             if what not in first:
-                place = floor_plan.xy(int(cell))
-                first[what] = Breach(what, 0, tick, (one, other), place)
-        before, together = now, pairs
+                first[what] = Breach(what, 0, tick, (one, other), floor_plan.xy(int(now[one])))
+        swapped = swaps
+        past.append(now)
         if tick % FRAME_TICKS == 0:
             show("rules", tick)
     return [breach._replace(times=times[what]) for what, breach in first.items()]
@@ -297,7 +307,7 @@ def _robots_together(cell: Array, capacity: Array) -> Iterator[tuple[int, int]]:
 
 
 def _swaps(before: Array, now: Array) -> Iterator[tuple[int, int]]:
-    """Yield the pairs of robots that have changed places in a tick."""
+    """Yield the pairs of robots that have changed places."""
     moved = np.flatnonzero((before != now) & (before != NIL) & (now != NIL)).tolist()
     came = {(int(before[robot]), int(now[robot])): robot for robot in moved}
     for robot in moved:

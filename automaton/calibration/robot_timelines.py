@@ -318,7 +318,7 @@ class _Line:
         latest = np.searchsorted(firsts, self.tick[changed], "right")
         for row, number in zip(changed.tolist(), latest.tolist(), strict=True):
             tick, load = int(self.tick[row]), int(self.load[row])
-            if row:
+            if row and not self.down[row]:  # a robot that is towed loses its load
                 first, last = self.operations[number - 1] if number else (tick, NIL)
                 tick = self._handle(tick, first, last, load)
             self.changes.append((tick, CHANGE_SEEN_LOAD, load))

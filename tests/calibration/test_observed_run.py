@@ -12,7 +12,7 @@ import pytest
 from handmade_recordings import recorded
 
 from automaton.commands import main
-from automaton.engine.state import ACTION_DROP, ACTION_MOVE, ACTION_PICK, ACTION_SERVE
+from automaton.engine.state import ACTION_MOVE, ACTION_PICK, ACTION_SERVE
 from automaton.exports.vda5050_export import write_trace
 from automaton.history.playback import Playback
 from automaton.recording.frames import Recording
@@ -84,7 +84,7 @@ def test_an_observed_run_shows_what_the_messages_say(run: Recording, real: Path)
     assert any(sum(state["down"]) for state, _ in states)
     mine, other = (executed_ticks(one.simulation.world).sum((0, 2)) for one in (ours, theirs))
     begun = theirs.simulation.world.tally.operations.sum((0, 2))
-    for action in (ACTION_MOVE, ACTION_PICK, ACTION_DROP, ACTION_SERVE):
+    for action in (ACTION_MOVE, ACTION_PICK, ACTION_SERVE):
         # Of each operation the time between two messages may be missing.
         assert abs(int(mine[action]) - int(other[action])) <= 2 * begun[action] > 0
     assert np.array_equal(*(one.simulation.observation.flow for one in (ours, theirs)))

@@ -46,7 +46,8 @@ RUNNING: Final = frozenset(("RUNNING", "INITIALIZING", "PAUSED"))
 REQUIRED: Final = ("robot", "time", "x", "y")
 COLUMNS: Final = (*REQUIRED, "theta", "load", "charge", "state")
 STATES: Final = {  # what a state in a CSV file says: driving, charging, down
-    **dict.fromkeys(("idle", "waiting", "stopped", "standing", "parked"), (0, 0, False)),
+    **dict.fromkeys(("idle", "stopped", "standing"), (0, 0, False)),
+    **dict.fromkeys(("waiting", "parked"), (0, 0, False)),
     **dict.fromkeys(("driving", "moving", "executing"), (1, 0, False)),
     "charging": (0, 1, False),
     **dict.fromkeys(("down", "error", "fault", "failed", "fatal", "depleted"), (0, 0, True)),
@@ -61,7 +62,7 @@ BARE: Final = msgspec.Raw()  # the payload of a message without an envelope
 BYTE_ORDER_MARK: Final = b"\xef\xbb\xbf"
 
 
-class Position(msgspec.Struct):
+class _Position(msgspec.Struct):
     """Where a robot is."""
 
     x: float
@@ -71,7 +72,7 @@ class Position(msgspec.Struct):
     localized: bool = True
 
 
-class Power(msgspec.Struct):
+class _Power(msgspec.Struct):
     """The battery of a robot."""
 
     batteryCharge: float | None = None
@@ -79,7 +80,7 @@ class Power(msgspec.Struct):
     charging: bool | None = None
 
 
-class Action(msgspec.Struct):
+class _Action(msgspec.Struct):
     """An action of a robot."""
 
     actionId: str = ""
@@ -87,20 +88,20 @@ class Action(msgspec.Struct):
     actionStatus: str = ""
 
 
-class Load(msgspec.Struct):
+class _Load(msgspec.Struct):
     """A load on a robot."""
 
     loadId: str | None = None
     loadType: str | None = None
 
 
-class Error(msgspec.Struct):
+class _Error(msgspec.Struct):
     """An error of a robot."""
 
     errorLevel: str = ""
 
 
-class Message(msgspec.Struct):
+class _Message(msgspec.Struct):
     """A state message, or the envelope of one."""
 
     headerId: Annotated[int, msgspec.Meta(ge=0, lt=1 << 62)] | None = None
@@ -108,21 +109,21 @@ class Message(msgspec.Struct):
     version: str = ""
     serialNumber: str | int | None = None
     orderId: str = ""
-    agvPosition: Position | None = None
-    mobileRobotPosition: Position | None = None
+    agvPosition: _Position | None = None
+    mobileRobotPosition: _Position | None = None
     driving: bool | None = None
-    actionStates: list[Action] = []
-    loads: list[Load] | None = None
-    batteryState: Power | None = None
-    powerSupply: Power | None = None
-    errors: list[Error] = []
+    actionStates: list[_Action] = []
+    loads: list[_Load] | None = None
+    batteryState: _Power | None = None
+    powerSupply: _Power | None = None
+    errors: list[_Error] = []
     topic: str | None = None
     payload: msgspec.Raw = BARE
     time: Stamp | None = None
     tst: datetime.datetime | None = None  # as mosquitto_sub writes it
 
 
-DECODER: Final = msgspec.json.Decoder(Message)
+DECODER: Final = msgspec.json.Decoder(_Message)
 TEXT: Final = msgspec.json.Decoder(str)
 
 
@@ -205,7 +206,7 @@ class LineReader:
                 self.versions[message.version] += 1
                 yield self._row(message, _milliseconds(sent))
 
-    def _row(self, message: Message, stamp: int) -> Row:
+    def _row(self, message: _Message, stamp: int) -> Row:
         names = self.names
         robot = names.robots[str(message.serialNumber)]
         place = message.agvPosition or message.mobileRobotPosition
@@ -307,7 +308,7 @@ def _lines(stream: Any) -> Iterator[bytes]:
         yield line
 
 
-def _unpacked(payload: msgspec.Raw) -> Message:
+def _unpacked(payload: msgspec.Raw) -> _Message:
     """The message in an envelope, as an object or as its text. Raises MsgspecError."""
     data = bytes(payload)
     return DECODER.decode(TEXT.decode(data) if data[:1] == b'"' else data)

@@ -146,7 +146,7 @@ def _drives_along(way: Array, heading: Array, place: tuple[Array, Array], usable
 # The fit that would put a refused log on the floor.
 
 
-class Fit(NamedTuple):
+class FloorFit(NamedTuple):
     """A change of positions that puts them on the floor."""
 
     share: float  # of the positions on the floor
@@ -188,7 +188,7 @@ def _nearest_fit(samples: Samples, floor_plan: FloorPlan, metres: float) -> str:
             samples.y[some],
             floor_plan,
             metres,
-            Fit(0, unit, rotation, is_mirrored, (0, 0)),
+            FloorFit(0, unit, rotation, is_mirrored, (0, 0)),
         )
         if fit.share >= 1 - MAX_OFF_FLOOR and (fit.unit == "m" or fit.cells >= least)
     ]
@@ -200,11 +200,13 @@ def _nearest_fit(samples: Samples, floor_plan: FloorPlan, metres: float) -> str:
     return str(min(good, key=_complexity))
 
 
-def _complexity(fit: Fit) -> tuple[bool, bool, bool, int]:
+def _complexity(fit: FloorFit) -> tuple[bool, bool, bool, int]:
     return fit.is_mirrored, fit.unit != "m", any(fit.origin), fit.rotation
 
 
-def _shifts(x: Array, y: Array, floor_plan: FloorPlan, metres: float, turned: Fit) -> Iterator[Fit]:
+def _shifts(
+    x: Array, y: Array, floor_plan: FloorPlan, metres: float, turned: FloorFit
+) -> Iterator[FloorFit]:
     """Yield the fit without an origin, and the best one with an origin, of a unit and a rotation."""
     size = float(LENGTH_UNITS[turned.unit])
     angle = math.radians(turned.rotation)

@@ -20,7 +20,7 @@ from automaton.units import count
 Array = np.ndarray[Any, Any]
 
 MAX_GAP_MS: Final = 30_000  # VDA 5050 asks for a message every 30 s; longer pauses are gaps
-CLOCK_STEP_MS: Final = 1000  # smaller steps back are messages out of order
+CLOCK_STEP_MS: Final = 1000  # smaller steps back are unordered messages
 ROWS_AT_A_TIME: Final = 8192  # rows held as Python objects
 
 

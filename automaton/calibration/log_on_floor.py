@@ -33,7 +33,7 @@ MIN_CELLS: Final = 20  # that robots visit, if another unit fits
 SAME_FIT: Final = 1e-6  # difference of shares that counts as none
 FAR_M: Final = 1e9  # beyond every site
 QUARTER: Final = math.pi / 2
-NAMED: Final = {"mm": "millimetres", "cm": "centimetres", "ft": "feet", "in": "inches"}
+UNIT_NAMES: Final = {"mm": "millimetres", "cm": "centimetres", "ft": "feet", "in": "inches"}
 
 
 class Placed(NamedTuple):
@@ -159,7 +159,7 @@ class FloorFit(NamedTuple):
     def __str__(self) -> str:
         parts = []
         if self.unit != "m":
-            parts.append(f"they are {NAMED[self.unit]}")
+            parts.append(f"they are {UNIT_NAMES[self.unit]}")
         if self.is_mirrored:
             parts.append("their y grows downwards")
         if any(self.origin):
@@ -181,7 +181,7 @@ def _nearest_fit(samples: Samples, floor_plan: FloorPlan, metres: float) -> str:
     fits = [
         fit
         for is_mirrored in (False, True)
-        for unit in ("m", *NAMED)
+        for unit in ("m", *UNIT_NAMES)
         for rotation in (0, 90, 180, 270)
         for fit in _shifts(
             samples.x[some],

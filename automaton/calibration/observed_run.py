@@ -35,14 +35,14 @@ from automaton.scenario.schema import LAYER_NAMES, Scenario, Units
 from automaton.units import count
 from automaton.world.resolve import Resolved, choose_strategies
 
-MAX_TICKS: Final = 20_000_000
-MAX_ACTIONS: Final = 1_000_000_000  # ticks of all robots
+MAX_OBSERVED_TICKS: Final = 20_000_000
+MAX_ROBOT_TICKS: Final = 1_000_000_000  # ticks of all robots
 MAX_ORDERS: Final = 200_000
 # Checked by name, never asked.
 STRATEGIES: Final = {"allocation": "independent", "routing": "shortest", "right_of_way": "wait"}
 DAY_MS: Final = 86_400_000
-EPOCH: Final = datetime.datetime(1970, 1, 1)
-LEFT_OUT: Final = (  # of the scenario: what was not observed
+FIRST_DAY: Final = datetime.datetime(1970, 1, 1)
+NOT_OBSERVED: Final = (  # of the scenario: what was not observed
     *("pods", "faults", "streets", "floor", "areas", "world", "measure", "stations"),
     *("refine", "decide", "information"),
 )
@@ -70,7 +70,7 @@ def write_observed_run(log: StateLog, resolved: Resolved, path: Path) -> Observe
     tick = np.rint((log.samples.time - begin) / tick_ms).astype(np.int64)
     robots, ticks = resolved.scenario.fleet.robots, int(tick.max())
     numbers = _numbers_of_robots(log, robots)
-    if ticks > MAX_TICKS or ticks * robots > MAX_ACTIONS:
+    if ticks > MAX_OBSERVED_TICKS or ticks * robots > MAX_ROBOT_TICKS:
         days = (int(log.samples.time.max()) - begin) / DAY_MS
         raise InputError(
             f"the messages span {days:,.1f} days, more than an observed run holds; leave out those with "
@@ -103,7 +103,7 @@ def _time_of_tick_0(log: StateLog, units: Units) -> tuple[int, float]:
     first, tick_ms = int(log.samples.time.min()), float(1000 * units.scale.tick_seconds)
     clock, begin = units.scale.clock, 0
     if clock is not None:
-        days = 0 if clock.day is None else clock.day - EPOCH.toordinal()
+        days = 0 if clock.day is None else clock.day - FIRST_DAY.toordinal()
         begin = round(1000 * (clock.seconds - (clock.offset or 0))) + days * DAY_MS
     if 0 <= first - begin < DAY_MS:
         return begin, tick_ms
@@ -189,10 +189,12 @@ def _known_before(values: Array, robot: Array) -> Array:
 def _observed(resolved: Resolved, demand: ObservedDemand, log: StateLog, begin: int) -> Resolved:
     """The scenario of an observed run."""
     data = {
-        key: value for key, value in plain_data(resolved.scenario).items() if key not in LEFT_OUT
+        key: value
+        for key, value in plain_data(resolved.scenario).items()
+        if key not in NOT_OBSERVED
     }
     x, y = resolved.floor_plan.xy(int(np.flatnonzero(resolved.floor_plan.drivable)[0]))
-    clock = EPOCH + datetime.timedelta(milliseconds=begin)
+    clock = FIRST_DAY + datetime.timedelta(milliseconds=begin)
     data["name"] = f"{resolved.scenario.name} (observed)"
     data["units"] = {**data["units"], "clock": clock.isoformat(" ", "seconds")}
     releases = demand.release.tolist() or [LAST_TICK]  # a list holds an order at least

@@ -53,7 +53,7 @@ from automaton.engine.state import (
 from automaton.floor.floor_plan import FloorPlan
 
 MAX_WAY: Final = 64  # cells between two messages
-MAX_SPEED: Final = 3  # times the speed in the scenario; a longer way was another one
+MAX_SPEED_FACTOR: Final = 3  # times the speed in the scenario; a longer way was another one
 MAX_KNOWN_WAYS: Final = 100_000  # ways that stay in memory
 
 
@@ -244,7 +244,7 @@ class _Line:
                 continue
             nodes = None
             if before is not None and is_joined:
-                most = 1 + MAX_SPEED * (tick - before[3]) / min(self.fleet.move_ticks)
+                most = 1 + MAX_SPEED_FACTOR * (tick - before[3]) / min(self.fleet.move_ticks)
                 nodes = self._nodes(before[0], before[1], cell, to_cell, most)
             if nodes is None:
                 if here != cell:

@@ -14,7 +14,7 @@ if TYPE_CHECKING:  # it needs Numba
     from automaton.runs.simulation import Simulation
 
 MORE, LESS = 4, 0  # tints of cells in which robots spent more time, or less
-SMALL: Final = 20  # differences below this part of the greatest one are not shown
+SMALL_PART: Final = 20  # differences below this part of the greatest one are not shown
 
 
 class Visits(Layer):
@@ -86,7 +86,7 @@ class TimeDifference(Layer):
         values = scene.values
         if values is None:
             return None
-        small = max(1, int(np.abs(values).max(initial=0)) // SMALL)
+        small = max(1, int(np.abs(values).max(initial=0)) // SMALL_PART)
         tints: Array = np.where(values >= small, MORE, np.where(values <= -small, LESS, NIL))
         return tints.astype(np.int8)
 

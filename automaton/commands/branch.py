@@ -71,6 +71,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Branch off, run, and report on both."""
     recording = read_recording(args.file)
+    recording.check_simulated("a branch", args.file)
     check_tick(args.file, args.at, recording.ticks)
     if args.until is not None and args.until <= args.at:
         raise InputError(f"--until {args.until} is not after --at {args.at}")

@@ -1,11 +1,12 @@
-"""A recorded run as a trace of VDA 5050: a line with a `state` message for each robot and period.
+"""A recorded run as a trace of VDA 5050: a line with a `state` message for each robot and period, or for
+each change of its state.
 
     {"headerId":0,"timestamp":"2026-03-02T06:00:00.000Z","version":"3.0.0", ...}
 
-Nodes are cells, x_y as a user counts them; an edge leads from one to the next. x and y are metres
-to the right of and above the lower left corner of the floor, theta is counter-clockwise. A robot's order
-is a number of `orders`, or of trips. Sequence numbers grow by 2 with each move of an order: nodes have
-even numbers, edges odd ones.
+Nodes are cells, x_y as a user counts them; an edge leads from one to the next. x and y are metres in
+the coordinates of the site (units.origin, units.rotation), by default to the right of and above the
+lower left corner of the floor; theta is counter-clockwise. A robot's order is a number of `orders`, or
+of trips. Sequence numbers grow by 2 with each move of an order: nodes have even numbers, edges odd ones.
 
 Source: VDA 5050, versions 2.1.0 and 3.0.0, topic `state`.
 """
@@ -49,7 +50,7 @@ from automaton.recording.frames import Recording, floor_plan_of
 from automaton.runs.simulation import Simulation
 from automaton.scenario.quantities import Scale
 from automaton.scenario.refinement import refined_data
-from automaton.scenario.schema import Scenario
+from automaton.scenario.schema import Scenario, Units
 from automaton.vocabulary import CONDITION_WORDS
 
 MANUFACTURER: Final = "automaton"
@@ -60,6 +61,7 @@ THETAS: Final = {
     2: (0.0, math.pi / 2),
     4: (0.0, -math.pi / 2, math.pi, math.pi / 2),
 }
+LONGEST_PAUSE: Final = Fraction(30)  # seconds between two messages of a robot
 EPOCH: Final = datetime.datetime(1970, 1, 1)
 
 
@@ -104,29 +106,75 @@ class TraceSize(NamedTuple):
 
 
 def write_trace(
-    recording: Recording, file: BinaryIO, every: Fraction | None = None, version: str = LATEST
+    recording: Recording,
+    file: BinaryIO,
+    every: Fraction | None = None,
+    version: str = LATEST,
+    on_events: bool = False,
 ) -> TraceSize:
     """Write a trace with a period of `every` seconds; None: at least 1 s in whole ticks.
 
-    Raises InputError if a tick is not a time, a cell has no size, or the recording was altered.
+    `on_events`: a robot also sends a message when its state changes, and the period, of 30 s if None, is
+    the longest pause between two. Raises InputError if a tick is not a time, a cell has no size, or the
+    recording was altered.
     """
     scenario = refined_data(recording.header["scenario"])
-    scale = scenario.units.scale
-    period = _period(every, scale.tick_seconds)
+    tick = scenario.units.scale.tick_seconds
+    period = _period(every, tick, LONGEST_PAUSE if on_events else Fraction(1))
     messages = Messages(recording, scenario, VERSIONS[version])
+    robots = len(recording.header["robots"]["cell"])
     encoder = msgspec.json.Encoder()
-    lines = 0
-    for number, sample in enumerate(StateTrace(recording, period)):
-        states = [encoder.encode(message) for message in messages.of(number, sample)]
-        file.write(b"\n".join([*states, b""]))
-        lines += len(states)
-    return TraceSize(len(recording.header["robots"]["cell"]), lines)
+    changes = StateChanges(robots, period)
+    for sample in StateTrace(recording, 1 if on_events else period):
+        sends = changes.sends(sample, messages.position) if on_events else changes.all_robots
+        states = [encoder.encode(message) for message in messages.of(changes.sent, sample, sends)]
+        file.write(b"\n".join([*states, b""]) if states else b"")
+        changes.sent += sends
+    return TraceSize(robots, int(changes.sent.sum()))
 
 
-def _period(every: Fraction | None, tick: Fraction) -> int:
-    """Ticks between two messages of a robot. Raises InputError if they are not a whole number."""
+class StateChanges:
+    """Which robots send a message, as the standard demands: those whose state has changed, and those
+    that have been silent for a period."""
+
+    def __init__(self, robots: int, period: int) -> None:
+        self.sent = np.zeros(robots, np.int64)  # number of messages of each robot so far
+        self.all_robots = np.ones(robots, np.bool_)
+        self._last = np.full(robots, -period, np.int64)  # tick of the last message
+        self._period = period
+        self._before: Array = np.zeros((0, robots), np.int64)
+
+    def sends(self, sample: Sample, position: Positions) -> Array:
+        """(n,) bool: which robots send a message after this tick."""
+        robots, index = sample.world.robots, sample.stored
+        acts = (robots.busy[index] > 0) & np.isin(robots.action[index], list(ACTION_TYPES))
+        state = np.array(
+            (
+                *(position.cells(sample.world, index), robots.order[index], robots.load[index]),
+                *(
+                    sample.moves - (robots.claim[index] != NIL),
+                    sample.driving,
+                    robots.status[index],
+                ),
+                *(np.where(acts, robots.action[index], 0), np.where(acts, sample.begun, 0)),
+                *(is_charging(robots)[index], robots.route_hash[index]),
+            ),
+            np.int64,
+        )
+        silent = sample.tick - self._last >= self._period
+        changes = silent if not len(self._before) else silent | (state != self._before).any(axis=0)
+        self._before, self._last = state, np.where(changes, sample.tick, self._last)
+        return changes
+
+
+def _period(every: Fraction | None, tick: Fraction, usual: Fraction) -> int:
+    """Ticks between two messages of a robot; `usual` seconds if `every` is None, at least a tick.
+
+    Raises InputError if `every` is not a whole number of ticks.
+    """
     if every is None:
-        return max(1, math.ceil(1 / tick))
+        ticks = usual / tick
+        return max(1, math.floor(ticks) if usual == LONGEST_PAUSE else math.ceil(ticks))
     if every % tick:
         lower = every // tick * tick
         near = " or ".join(f"{float(one):g} s" for one in (lower, lower + tick) if one)
@@ -144,7 +192,7 @@ class Messages:
         self.version = version
         self.floor_plan = floor_plan_of(recording.header["floor"])
         self.time = TickTimes(scenario.units.scale)
-        self.position = Positions(self.floor_plan, scenario.units.scale.cell_metres)
+        self.position = Positions(self.floor_plan, scenario.units)
         self.has_pods = bool(recording.header.get("pods"))
         self.has_battery = scenario.battery is not None
         self.map = scenario.name
@@ -152,8 +200,11 @@ class Messages:
         self.names = NodeNames(self.floor_plan)
         self.routes = [RouteAhead(self.names, self.floor_plan.offsets) for _ in range(robots)]
 
-    def of(self, number: int, sample: Sample) -> Iterator[dict[str, Any]]:
-        """Yield the message of each robot, by identity; `number`: number of earlier samples."""
+    def of(self, numbers: Array, sample: Sample, sends: Array) -> Iterator[dict[str, Any]]:
+        """Yield the messages of the robots that send one, by identity.
+
+        `numbers`: (n,) earlier messages of each robot; `sends`: (n,) bool.
+        """
         world: Any = sample.world
         robots, index = world.robots, sample.stored
         version, timestamp = self.version, self.time.text(sample.tick)
@@ -176,6 +227,8 @@ class Messages:
             strict=True,
         )
         for identity, column in enumerate(columns):
+            if not sends[identity]:
+                continue
             i, order, load, status, action, is_busy, begun, moves, cell, *others = column
             driving, columns_of_route, place, *power = others
             route = self.routes[identity]
@@ -183,7 +236,7 @@ class Messages:
             last, nodes, edges = route.ahead(robots, route_state)
             on_map = {} if place is None else {version.position: self._place(place)}
             yield {
-                "headerId": number,
+                "headerId": int(numbers[identity]),
                 "timestamp": timestamp,
                 "version": version.name,
                 "manufacturer": MANUFACTURER,
@@ -257,11 +310,15 @@ class TickTimes:
 
 
 class Positions:
-    """The positions of robots, in metres."""
+    """The positions of robots, in metres and in the coordinates of the site."""
 
-    def __init__(self, floor_plan: FloorPlan, cell: Fraction) -> None:
+    def __init__(self, floor_plan: FloorPlan, units: Units) -> None:
         self._floor_plan = floor_plan
-        self._cell = float(cell)
+        self._cell = float(units.scale.cell_metres)
+        self._origin = np.array(units.origin)
+        self._turned = math.radians(units.rotation)
+        sine, cosine = math.sin(self._turned), math.cos(self._turned)
+        self._turn = np.array([[cosine, sine], [-sine, cosine]])  # of rows (x, y)
 
     def cells(self, world: World, index: Any) -> Any:
         """(n,) the cell of each robot or of its parking bay; NIL: towed."""
@@ -278,14 +335,20 @@ class Positions:
         to_x, to_y = self._centres(np.where(claim == NIL, cell, claim))
         share = sample.moved
         places = np.stack((x + share * (to_x - x), y + share * (to_y - y)), axis=1)
-        rounded = np.round(places * self._cell, 6).tolist()
+        places = places * self._cell
+        if self._turned:
+            places = places @ self._turn
+        rounded = np.round(places + self._origin, 6).tolist()
         known = world.grid.type_headings[robots.type[index]].tolist()
         faces = zip(known, robots.heading[index].tolist(), strict=True)
-        thetas = [THETAS[headings][heading] for headings, heading in faces]
+        thetas = [self._theta(THETAS[headings][heading]) for headings, heading in faces]
         return [
             None if one == NIL else (*place, theta)
             for one, place, theta in zip(cell.tolist(), rounded, thetas, strict=True)
         ]
+
+    def _theta(self, theta: float) -> float:
+        return math.remainder(theta + self._turned, math.tau) if self._turned else theta
 
     def _centres(self, cell: Any) -> tuple[Any, Any]:
         """Centres of cells, in cells from the lower left corner."""

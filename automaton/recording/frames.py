@@ -174,11 +174,27 @@ class Recording:
             return self.frames.last_tick
         return max((tick_of(kind, content) for kind, content in self.frames), default=0)
 
+    @property
+    def is_observed(self) -> bool:
+        """Whether it shows what real robots did: it has no decisions, and no rule applied."""
+        return "observed" in self.header
+
+    def check_simulated(self, what: str, file: object) -> None:
+        """Raise InputError for an observed run; `what` needs the decisions of a simulated one."""
+        check_simulated(self.header, what, file)
+
     def stored(self) -> StoredFrames:
         """The frames as a sequence that finds ticks."""
         if isinstance(self.frames, StoredFrames):
             return self.frames
         return StoredFrames([payload_of(kind, content) for kind, content in self.frames])
+
+
+def check_simulated(header: Content, what: str, file: object = None) -> None:
+    """Raise InputError for an observed run; `what` needs the decisions of a simulated one."""
+    if "observed" in header:
+        text = f"{what} needs the decisions of a simulated run; this run was observed"
+        raise InputError(text, None if file is None else str(file))
 
 
 def preamble() -> bytes:

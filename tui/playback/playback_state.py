@@ -5,12 +5,13 @@ from __future__ import annotations
 import math
 import time
 from dataclasses import dataclass, replace
-from typing import Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 
 from automaton.engine.state import NIL, Array
 from automaton.history.divergence import Divergence
+from automaton.history.playback import Playback
 from automaton.history.snapshot import Snapshot
 from automaton.history.watched_run import WatchedRun
 from automaton.runs.metrics import OPERATION_STATES, executed_ticks, metrics_of
@@ -88,6 +89,43 @@ def figures_of(run: WatchedRun) -> RunFigures:
     return RunFigures(shown.tick, metrics_of(shown), operations, active, starved, jam, periods)
 
 
+class RecordedCells:
+    """How long robots have been in each cell of a recording, up to any tick."""
+
+    def __init__(self, header: dict[str, Any], frames: Any, tick_unit: float) -> None:
+        """`frames`: automaton.recording.frames.StoredFrames; `tick_unit`: the size of a tick."""
+        self.is_observed = "observed" in header
+        self._header, self._frames, self._tick_unit = header, frames, tick_unit
+        self._playback: Playback | None = None
+        self._ticks = np.zeros(0, np.int64)
+
+    def until(self, tick: int) -> Array:
+        """(C,) float64: robot time in each cell up to a tick, or to the end, in the unit of a tick."""
+        if self._playback is None or tick < self._playback.tick:
+            self._playback = Playback(self._header, self._frames)
+            cells = self._playback.simulation.world.grid.cell_flags.size
+            self._ticks = np.zeros(cells, np.int64)
+        while self._playback.tick < min(tick, self._frames.last_tick):
+            self._playback.go_to(self._playback.tick + 1)
+            cell = self._playback.simulation.world.robots.cell
+            np.add.at(self._ticks, cell[cell != NIL], 1)
+        return self._ticks * self._tick_unit
+
+
+class TimeComparison:
+    """Two recordings side by side; where one was observed, the real one minus the simulated one."""
+
+    def __init__(self, one: RecordedCells, other: RecordedCells) -> None:
+        is_swapped = other.is_observed and not one.is_observed
+        self._real, self._simulated = (other, one) if is_swapped else (one, other)
+
+    def time_difference(self, tick: int) -> Array:
+        """(C,) int32: robot time spent in each cell of one run, minus that of the other."""
+        difference = self._real.until(tick) - self._simulated.until(tick)
+        rounded: Array = np.rint(difference).astype(np.int32)
+        return rounded
+
+
 class LongTick(NamedTuple):
     """A tick that is being computed."""
 
@@ -105,9 +143,14 @@ class Overlays:
         self._next = -math.inf  # earliest time of the next computation during playback
 
     def laid_over(
-        self, snapshot: Snapshot, simulation: Simulation, name: str, playing: bool
+        self,
+        snapshot: Snapshot,
+        simulation: Simulation,
+        name: str,
+        playing: bool,
+        comparison: TimeComparison | None = None,
     ) -> Snapshot:
-        """The snapshot with the numbers of a layer.
+        """The snapshot with the numbers of a layer; `comparison`: of two recordings.
 
         During playback the numbers may be older: a slow layer computes them with pauses of at least
         `pause_s`.
@@ -118,6 +161,8 @@ class Overlays:
         old = self._of is not None and self._of[2:] == now[2:] and began < self._next
         if self._of != now and not (playing and old):
             self._of, self._field = now, layer.numbers(simulation, snapshot.selected)
+            if layer.compares and comparison is not None:
+                self._field = comparison.time_difference(snapshot.tick)
             ended = time.monotonic()
             pause = max(layer.pause_s, OVERLAY_TIME_RATIO * (ended - began))
             self._next = ended + (pause if layer.pause_s else 0.0)

@@ -27,7 +27,9 @@ from tui.playback.playback_state import (
     LongTick,
     Overlays,
     PlaybackState,
+    RecordedCells,
     RunFigures,
+    TimeComparison,
     Trails,
     figures_of,
 )
@@ -81,6 +83,8 @@ class Player:
         self._overlays = [Overlays() for _ in self.runs]
         live = [run for run in self.runs if isinstance(run, LiveRun)]
         self._divergence = LiveDivergence(*live) if len(live) == 2 else None
+        recorded = len(self.runs) == 2 and not live
+        self._comparison = self._compare() if recorded else None
         self._trails: list[Trails] | None = None  # None: not shown
         self._figures: tuple[RunFigures, ...] = ()
         self._parted: Divergence | None = None
@@ -93,6 +97,14 @@ class Player:
         self._thread = threading.Thread(target=self._run_thread, name="player", daemon=True)
         if start:
             self._thread.start()
+
+    def _compare(self) -> TimeComparison:
+        """The comparison of two recordings."""
+        cells = (
+            RecordedCells(run.header, run.frames, run.resolved.scenario.units.scale.unit.size)
+            for run in self.runs
+        )
+        return TimeComparison(*cells)
 
     def latest(self) -> PlaybackState:
         """Return the newest state without waiting."""
@@ -482,7 +494,7 @@ class Player:
     def _snapshot_of(self, run: WatchedRun, overlays: Overlays) -> Snapshot:
         bare = take_snapshot(run.shown, self._selected, self._layer)
         playing = self._direction != 0 or self._goal is not None
-        return overlays.laid_over(bare, run.shown, self._layer, playing)
+        return overlays.laid_over(bare, run.shown, self._layer, playing, self._comparison)
 
 
 def sentence(error: Exception) -> str:

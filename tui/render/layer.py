@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from tui.render.cell_looks import flow_codes, heat_codes
+from tui.render.cell_looks import TINT_CODES, TINTS, flow_codes, heat_codes
 from tui.render.scene import HEAT_LEVELS, Scene, levels_of
-from tui.render.styles import GlyphSet
+from tui.render.styles import GlyphSet, code, style
 
 if TYPE_CHECKING:
     from automaton.runs.simulation import Simulation
@@ -41,6 +41,7 @@ class Layer:
     empty: str = ""  # shown while all its numbers are 0; "": "no UNIT yet"
     heat: bool = True  # it has numbers, even before they are computed; False: tints or nothing
     arrows: bool = False  # numbers are (C, 4), by direction, and drawn as arrows
+    compares: bool = False  # its numbers compare two recordings side by side
     ranked: bool = False  # list the cells with the greatest numbers beside the legend
     whole_floor: bool = False  # letters of tints replace the marks of one-way floor, too
     absent: str = ""  # message where it has nothing to show
@@ -182,6 +183,16 @@ def scale_line(scene: Scene, glyphs: GlyphSet) -> ScaleLine:
     signs = tuple(codes[1:HEAT_LEVELS].tolist())
     least = int(scene.values[scene.values > 0].min(initial=scene.scale.end))
     return [f"{layer.unit or layer.name} {least:,}", signs, f"{int(np.max(scene.values)):,}"]
+
+
+def tint_sign(tint: int) -> int:
+    """A tint as the code of a sign."""
+    return int(code(style(TINTS[tint], TINTS[tint]), TINT_CODES[tint]))
+
+
+def tint_letter(tint: int) -> str:
+    """The letter that shows a tint without colours."""
+    return chr(TINT_CODES[tint])
 
 
 def nothing_yet(scene: Scene) -> str:

@@ -1,0 +1,206 @@
+"""Messages of real robots as columns.
+
+A log is read once, line by line. Each message is a row: where a robot was, what it carried and what it
+did at the time of the stamp. Rows are ordered by robot, then by time. Formats of lines: log_lines.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+
+from automaton.calibration.log_lines import NOT_NUMBERED, ROW_FIELDS, LineReader, LogNames
+from automaton.errors import InputError
+from automaton.units import count
+
+Array = np.ndarray[Any, Any]
+
+MAX_GAP_MS: Final = (
+    31_000  # VDA 5050 asks for a message every 30 s; a second for clocks that differ
+)
+CLOCK_STEP_MS: Final = 1000  # smaller steps back are unordered messages
+MESSAGES_AT_A_TIME: Final = 8192  # rows held as Python objects
+
+
+class Samples(NamedTuple):
+    """The messages of all robots; ordered by robot, then by time."""
+
+    robot: Array  # (n,) int32: index in StateLog.robots
+    time: Array  # (n,) int64: milliseconds since 1970-01-01, as stamped
+    x: Array  # (n,) float64: metres in the log's frame, before origin and rotation; nan: not known
+    y: Array  # (n,) float64: likewise
+    theta: Array  # (n,) float64: radians, counter-clockwise; nan: not known
+    load: Array  # (n,) int32: 0 none, else index + 1 in StateLog.loads; -1 not known
+    charge: Array  # (n,) float64: percent; nan: not known
+    charging: Array  # (n,) int8: 0 or 1; -1 not known
+    driving: Array  # (n,) int8: 0 or 1; -1 not known
+    action: Array  # (n,) int32: 0 none running, else index + 1 in StateLog.actions
+    action_id: Array  # (n,) int64: 0, or a number that differs between two actions
+    order: Array  # (n,) int32: 0 none, else index + 1 in StateLog.orders
+    down: Array  # (n,) bool: an error with level FATAL, or a state that says so
+
+
+class LogCounts(NamedTuple):
+    """What was read, and what was wrong with it."""
+
+    messages: int  # rows of the log
+    lines: int  # lines read, empty ones not counted
+    skipped: dict[str, int]  # lines that are not messages, by reason
+    doubled: int  # messages repeated with their stamp and number
+    unordered: int  # messages older than one of their robot before them
+    missing: int  # messages that the numbers of others show to be lost
+    clock_steps: int  # messages with a later number but an earlier stamp than the one before
+    gaps: int  # pauses of a robot above 30 s
+    versions: dict[str, int]  # messages by version of the standard
+
+    def sentences(self) -> list[str]:
+        """What was read and what was wrong, as lines of a report."""
+        versions = [name for name in self.versions if name]
+        of = f" of VDA 5050 {', '.join(versions)}" if versions else ""
+        if len(self.versions) > 1:
+            of += f" ({', '.join(f'{many:,}' for many in self.versions.values())})"
+        lines = [f"{count(self.messages, 'message')}{of}"]
+        if self.skipped:
+            why = ", ".join(f"{name} {many:,}" for name, many in self.skipped.items())
+            lines.append(f"{count(sum(self.skipped.values()), 'line')} skipped: {why}")
+        words = {
+            "doubled": self.doubled,
+            "unordered": self.unordered,
+            "missing": self.missing,
+            "clock stepped back": self.clock_steps,
+            "pauses above 30 s": self.gaps,
+        }
+        wrong = ", ".join(f"{name} {many:,}" for name, many in words.items() if many)
+        return [*lines, wrong] if wrong else lines
+
+
+class StateLog(NamedTuple):
+    """A log as it was read."""
+
+    samples: Samples
+    robots: tuple[str, ...]
+    loads: tuple[str, ...]
+    actions: tuple[str, ...]
+    orders: tuple[str, ...]
+    usable: Array  # (n,) bool: row i and the next are of one robot, without gap or clock step
+    counts: LogCounts
+
+
+TYPES: Final = {
+    **dict.fromkeys(("x", "y", "theta", "charge"), np.float64),
+    **dict.fromkeys(("time", "action_id", "header"), np.int64),
+    **dict.fromkeys(("robot", "load", "action", "order"), np.int32),
+    **dict.fromkeys(("charging", "driving"), np.int8),
+    "down": np.bool_,
+}
+
+
+def read_log(paths: Iterable[Path], columns: Mapping[str, str] | None = None) -> StateLog:
+    """Read files of VDA 5050 state messages, or CSV files, as one log.
+
+    `columns`: names of columns in CSV files by field, such as {"robot": "agv"}. Files that end in .gz
+    are decompressed. Raises InputError for a file that cannot be read, or without any message.
+    """
+    names = LogNames()
+    reader = LineReader(names, columns or {})
+    parts: dict[str, list[Array]] = {name: [] for name in ROW_FIELDS}
+    for path in paths:
+        before = reader.messages
+        rows = reader.rows(path)
+        while block := list(itertools.islice(rows, MESSAGES_AT_A_TIME)):
+            for name, values in zip(ROW_FIELDS, zip(*block, strict=True), strict=True):
+                parts[name].append(np.array(values, TYPES[name]))
+        if reader.messages == before:
+            raise InputError(f"has no state message{reader.first_reason}", str(path))
+    arrays = {name: np.concatenate(parts.pop(name)) for name in ROW_FIELDS}
+    return _ordered(arrays, names, reader)
+
+
+def _ordered(arrays: dict[str, Array], names: LogNames, reader: LineReader) -> StateLog:
+    """The log of rows in the order of their arrival."""
+    arrays, doubled = _without_repetitions(arrays)
+    unordered, steps, missing = _arrivals(arrays)
+    order = np.lexsort((arrays["header"], arrays["time"], arrays["robot"]))
+    for name in ROW_FIELDS:
+        arrays[name] = arrays[name][order]
+    del arrays["header"]
+    samples = Samples(**arrays)
+    if reader.counts_actions:
+        samples = samples._replace(action_id=_counted_actions(samples))
+    pair = samples.robot[1:] == samples.robot[:-1]
+    elapsed = np.diff(samples.time)
+    gaps = pair & (elapsed > MAX_GAP_MS)
+    usable = np.append(pair & ~gaps & (elapsed > 0), False)
+    for robot, back_to, latest in steps:
+        usable[_between(samples, robot, back_to, latest)] = False
+    counts = LogCounts(
+        messages=len(order),
+        lines=reader.lines,
+        skipped=dict(reader.skipped),
+        doubled=doubled,
+        unordered=unordered,
+        missing=missing,
+        clock_steps=len(steps),
+        gaps=int(gaps.sum()),
+        versions=dict(reader.versions),
+    )
+    return StateLog(
+        samples,
+        tuple(names.robots),
+        tuple(names.loads),
+        tuple(names.actions),
+        tuple(names.orders),
+        usable,
+        counts,
+    )
+
+
+def _without_repetitions(arrays: dict[str, Array]) -> tuple[dict[str, Array], int]:
+    """The rows without those that repeat an earlier one's robot, stamp and number; and how many."""
+    keys = arrays["header"], arrays["time"], arrays["robot"]
+    order = np.lexsort(keys)
+    again = np.ones(max(len(order) - 1, 0), np.bool_)
+    for key in keys:
+        again &= np.diff(key[order]) == 0
+    repeated = order[1:][again]
+    if len(repeated):
+        arrays = {name: np.delete(array, repeated) for name, array in arrays.items()}
+    return arrays, len(repeated)
+
+
+def _arrivals(arrays: dict[str, Array]) -> tuple[int, list[tuple[int, int, int]], int]:
+    """The number of unordered rows; robot, stamp, and the stamp before, of each step back of a clock;
+    and the number of missing messages."""
+    order = np.argsort(arrays["robot"], kind="stable")
+    robot, time, header = (arrays[name][order] for name in ("robot", "time", "header"))
+    same, later = np.diff(robot) == 0, np.diff(time)
+    numbered = (header[1:] != NOT_NUMBERED) & (header[:-1] != NOT_NUMBERED)
+    stepped = same & numbered & (later < -CLOCK_STEP_MS) & (np.diff(header) > 0)
+    unordered = same & (later < 0) & ~stepped
+    steps = np.flatnonzero(stepped)
+    rows = zip(robot[steps].tolist(), time[steps + 1].tolist(), time[steps].tolist(), strict=True)
+    # A robot that starts again begins with a low number. Between two starts each number is sent once.
+    begins = ~same | ~numbered | ((np.diff(header) < 0) & (later >= 0))
+    first = np.append(0, np.flatnonzero(begins) + 1)
+    sent = np.maximum.reduceat(header, first) - np.minimum.reduceat(header, first) + 1
+    rows_of_start = np.diff(first, append=len(header))
+    return int(np.count_nonzero(unordered)), list(rows), int((sent - rows_of_start).clip(0).sum())
+
+
+def _between(samples: Samples, robot: int, first: int, last: int) -> slice:
+    """The rows of a robot with stamps from `first` to `last`."""
+    begin, end = np.searchsorted(samples.robot, (robot, robot + 1))
+    low = begin + np.searchsorted(samples.time[begin:end], first)
+    high = begin + np.searchsorted(samples.time[begin:end], last, side="right")
+    return slice(max(int(low) - 1, 0), int(high))
+
+
+def _counted_actions(samples: Samples) -> Array:
+    """(n,) numbers of the runs of rows with one action, which a CSV file does not number."""
+    begins = (np.diff(samples.action, prepend=0) != 0) | (np.diff(samples.robot, prepend=-1) != 0)
+    number: Array = np.where(samples.action > 0, np.cumsum(begins), 0)
+    return number

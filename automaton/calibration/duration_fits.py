@@ -1,0 +1,207 @@
+"""How long operations take, from messages that see them only now and then.
+
+    message    a        b        c        d        A robot is at work in the messages b to c, and not at
+    at work    -        x        x        -        a and d. It began between a and b, ended between c and d.
+
+With F the distribution function of the duration and G its integral from 0, and a beginning that is
+uniform between a and b, the likelihood of such an observation is
+
+    G(d - a) - G(d - b) - G(c - a) + G(c - b).
+
+Operations that no message sees are missing, so the sum is divided by the mean of g - G(g) over the gaps g
+between messages: the share of beginnings that are seen.
+
+Source: De Gruttola & Lagakos (1989), doubly-censored data; the truncation as in Sun (1995).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from functools import partial
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+
+Array = np.ndarray[Any, Any]
+
+HALF_CHI_SQUARE: Final = 1.9207  # half of the 95 % quantile with one degree of freedom
+MAX_GAPS: Final = 64  # quantiles that stand for all gaps between messages
+MIN_SPREAD: Final = 0.005
+MAX_CV: Final = 5.0
+SHORTEST_S: Final = 0.01
+IMPOSSIBLE: Final = 1e-300  # likelihood of an operation that a family cannot explain
+QUANTILES: Final = 100  # durations of an empirical distribution
+EM_STEPS: Final = 200
+REJECTED: Final = 0.01  # p below which no family describes the durations
+REPEATS: Final = 20  # simulated durations for each observed one
+
+
+class Censored(NamedTuple):
+    """Operations of one kind, and the gaps between messages, in seconds."""
+
+    free_before: Array  # (k,) last message before each operation, counted from the next column
+    seen: Array  # (k,) from its first to its last message
+    free_after: Array  # (k,) from its last message to the next one
+    gaps: Array  # (m,) quantiles of the gaps between messages; empty: every operation has messages
+    error: float  # standard deviation of a duration through errors of the stamps
+
+    @property
+    def count(self) -> int:
+        """Number of operations."""
+        return len(self.seen)
+
+    @property
+    def middles(self) -> Array:
+        """(k,) the durations if each begins and ends midway between two messages."""
+        return self.seen + (self.free_before + self.free_after) / 2
+
+
+class Family(NamedTuple):
+    """A distribution with a mean and at most one further parameter, a relative spread."""
+
+    name: str
+    integral: Callable[[Array, float, float, float], Array]  # G at x for mean, spread, error
+    spreads: tuple[float, float] | None  # the range of the spread; None: it has none
+    draw: Callable[[np.random.Generator, int, float, float], Array]
+
+
+class DurationFit(NamedTuple):
+    """A family with its parameters, and the interval of its mean."""
+
+    family: str
+    mean: float
+    low: float
+    high: float
+    spread: float  # lognormal: sd / mean; uniform: half of the width / mean; else 0
+    aic: float
+    count: int
+    p: float = math.nan  # that durations of this family differ as much from the observed ones
+    empirical: tuple[float, ...] = ()  # quantiles, each equally likely
+
+
+def _constant(x: Array, mean: float, spread: float, error: float) -> Array:
+    from scipy.special import ndtr
+
+    z = (x - mean) / error
+    out: Array = (x - mean) * ndtr(z) + error * np.exp(-0.5 * z * z) / math.sqrt(2 * math.pi)
+    return out
+
+
+def _uniform(x: Array, mean: float, spread: float, error: float) -> Array:
+    half = spread * mean
+    inside = np.clip(x - (mean - half), 0, 2 * half)
+    out: Array = inside * inside / (4 * half) + np.maximum(x - (mean + half), 0)
+    return out
+
+
+def _lognormal(x: Array, mean: float, spread: float, error: float) -> Array:
+    from scipy.special import ndtr
+
+    sigma = math.sqrt(math.log1p(spread * spread))
+    z = (np.log(np.maximum(x, 1e-300)) - math.log(mean)) / sigma + sigma / 2
+    out: Array = x * ndtr(z) - mean * ndtr(z - sigma)
+    return out
+
+
+def _exponential(x: Array, mean: float, spread: float, error: float) -> Array:
+    out: Array = x + mean * np.expm1(-x / mean)
+    return out
+
+
+def _draw_lognormal(rng: np.random.Generator, n: int, mean: float, spread: float) -> Array:
+    sigma = math.sqrt(math.log1p(spread * spread))
+    return rng.lognormal(math.log(mean) - sigma * sigma / 2, sigma, n)
+
+
+FAMILIES: Final = {
+    family.name: family
+    for family in (
+        Family("constant", _constant, None, lambda rng, n, mean, spread: np.full(n, mean)),
+        Family(
+            "uniform",
+            _uniform,
+            (MIN_SPREAD, 1.0),
+            lambda rng, n, mean, spread: rng.uniform(mean * (1 - spread), mean * (1 + spread), n),
+        ),
+        Family("lognormal", _lognormal, (MIN_SPREAD, MAX_CV), _draw_lognormal),
+        Family(
+            "exponential", _exponential, None, lambda rng, n, mean, spread: rng.exponential(mean, n)
+        ),
+    )
+}
+
+
+def negative_log_likelihood(data: Censored, family: Family, mean: float, spread: float) -> float:
+    """Minus the logarithm of the likelihood."""
+    integral = partial(family.integral, mean=mean, spread=spread, error=data.error)
+    before, seen, after = data.free_before, data.seen, data.free_after
+    joint = integral(before + seen + after) - integral(seen + after)
+    joint += integral(seen) - integral(before + seen)
+    out = -float(np.log(np.maximum(joint, IMPOSSIBLE)).sum())
+    if len(data.gaps):
+        detected = float((data.gaps - integral(data.gaps)).mean())
+        out += data.count * math.log(max(detected, IMPOSSIBLE))
+    return out
+
+
+def fit_family(data: Censored, family: Family) -> DurationFit:
+    """The most likely parameters of a family, and the profile likelihood interval of its mean."""
+    from scipy.optimize import brentq, minimize, minimize_scalar
+
+    def loss(log_mean: float, log_spread: float) -> float:
+        mean, spread = math.exp(log_mean), math.exp(log_spread)
+        if family.spreads is not None and not family.spreads[0] <= spread <= family.spreads[1]:
+            return math.inf
+        return negative_log_likelihood(data, family, mean, spread)
+
+    middles = np.maximum(data.middles, SHORTEST_S)
+    start = [math.log(middles.mean())]
+    if family.name == "uniform":  # all durations lie within the first guess
+        middle = (middles.min() + middles.max()) / 2
+        start = [math.log(middle), math.log(max(min(middles.max() / middle - 1, 1.0), MIN_SPREAD))]
+    elif family.spreads is not None:
+        cv = np.clip(middles.std() / middles.mean(), 2 * MIN_SPREAD, 0.9)
+        start.append(math.log(cv))
+    best = minimize(
+        lambda at: loss(at[0], at[1] if len(at) == 2 else 0.0),
+        start,
+        method="Nelder-Mead",
+        options={"xatol": 1e-5, "fatol": 1e-5, "initial_simplex": _simplex(start)},
+    )
+    log_mean, spread = best.x[0], best.x[1] if len(best.x) == 2 else -math.inf
+
+    def beyond(one: float) -> float:
+        """The profile likelihood at a mean, beyond the end of the interval."""
+        if family.spreads is None:
+            profile = loss(one, 0.0)
+        else:
+            low, high = map(math.log, family.spreads)
+            ends = max(low, spread - 1.0), min(high, spread + 1.0)
+            profile = minimize_scalar(
+                lambda other: loss(one, other),
+                bounds=ends,
+                method="bounded",
+                options={"xatol": 1e-3},
+            ).fun
+        return min(profile - best.fun, 1e9) - HALF_CHI_SQUARE
+
+    def end(sign: int) -> float:
+        step = 0.02
+        while beyond(log_mean + sign * step) < 0:
+            step *= 2
+            if step > 3:
+                return sign * math.inf
+        return float(brentq(beyond, log_mean, log_mean + sign * step, xtol=1e-5))
+
+    aic = 2 * (float(best.fun) + len(start))
+    mean, low, high = (math.exp(one) for one in (log_mean, end(-1), end(1)))
+    return DurationFit(family.name, mean, low, high, math.exp(spread), aic, data.count)
+
+
+def _simplex(start: list[float]) -> list[list[float]]:
+    """The start and a point beside it in each direction."""
+    return [
+        start,
+        *([one - 0.1 * (k == j) for k, one in enumerate(start)] for j in range(len(start))),
+    ]

@@ -1,7 +1,7 @@
 """How long operations take, from messages that see them only now and then.
 
-    message    a        b        c        d        A robot is at work in the messages b to c, and not at
-    at work    -        x        x        -        a and d. It began between a and b, ended between c and d.
+    message    a        b        c        d       At work in the messages b to c, and not at a and d: the
+    at work    -        x        x        -       operation began between a and b, ended between c and d.
 
 With F the distribution function of the duration and G its integral from 0, and a beginning that is
 uniform between a and b, the likelihood of such an observation is
@@ -23,6 +23,8 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 
+from automaton.calibration.state_log import StateLog
+
 Array = np.ndarray[Any, Any]
 
 HALF_CHI_SQUARE: Final = 1.9207  # half of the 95 % quantile with one degree of freedom
@@ -34,6 +36,8 @@ IMPOSSIBLE: Final = 1e-300  # likelihood of an operation that a family cannot ex
 QUANTILES: Final = 100  # durations of an empirical distribution
 EM_STEPS: Final = 200
 REJECTED: Final = 0.01  # p below which no family describes the durations
+EVENT_ERROR_S: Final = 0.05
+MAX_IRREGULAR: Final = 0.2  # share of gaps that differ by half; stamps that err cause fewer
 REPEATS: Final = 20  # simulated durations for each observed one
 
 
@@ -153,9 +157,12 @@ def fit_family(data: Censored, family: Family) -> DurationFit:
         mean, spread = math.exp(log_mean), math.exp(log_spread)
         if family.spreads is not None and not family.spreads[0] <= spread <= family.spreads[1]:
             return math.inf
+        if not SHORTEST_S <= mean <= longest:
+            return math.inf
         return negative_log_likelihood(data, family, mean, spread)
 
     middles = np.maximum(data.middles, SHORTEST_S)
+    longest = 100 * float(middles.max())
     start = [math.log(middles.mean())]
     if family.name == "uniform":  # all durations lie within the first guess
         middle = (middles.min() + middles.max()) / 2
@@ -188,6 +195,8 @@ def fit_family(data: Censored, family: Family) -> DurationFit:
 
     def end(sign: int) -> float:
         step = 0.02
+        if beyond(log_mean) >= 0:
+            return sign * math.inf
         while beyond(log_mean + sign * step) < 0:
             step *= 2
             if step > 3:
@@ -205,3 +214,113 @@ def _simplex(start: list[float]) -> list[list[float]]:
         start,
         *([one - 0.1 * (k == j) for k, one in enumerate(start)] for j in range(len(start))),
     ]
+
+
+# Operations in a log.
+
+
+def operations_of(log: StateLog, chosen: Array) -> Censored:
+    """The operations of messages that are `chosen`: (n,) bool, such as all picks.
+
+    In a log with messages on events, an operation begins at its first message and ends with the first
+    message without it. An operation is left out if a gap lies before, in or after it.
+    """
+    samples = log.samples
+    seconds = samples.time / 1000
+    gaps = np.diff(seconds)[log.usable[:-1]]
+    same = np.append(False, (samples.action_id[1:] == samples.action_id[:-1]) & log.usable[:-1])
+    first = np.flatnonzero(chosen & ~(same & np.append(False, chosen[:-1])))
+    last = np.flatnonzero(chosen & ~np.append((same & chosen)[1:], False))
+    inside = (first > 0) & (last < len(seconds) - 1)
+    first, last = first[inside], last[inside]
+    linked = log.usable[first - 1] & log.usable[last]
+    first, last = first[linked], last[linked]
+    before, seen = seconds[first] - seconds[first - 1], seconds[last] - seconds[first]
+    after = seconds[last + 1] - seconds[last]
+    if len(gaps) and has_event_messages(gaps, after):
+        fine = np.full(len(seen), EVENT_ERROR_S)
+        return Censored(fine, seen + after - EVENT_ERROR_S, fine, np.zeros(0), EVENT_ERROR_S)
+    return Censored(before, seen, after, gap_quantiles(gaps), stamp_error(gaps))
+
+
+def has_event_messages(gaps: Array, after: Array) -> bool:
+    """Whether messages come on events: gaps differ, above all those at the end of operations."""
+    usual = float(np.median(gaps))
+    irregular = float((abs(gaps - usual) > usual / 2).mean())
+    return irregular > MAX_IRREGULAR or (len(after) > 0 and float(np.median(after)) > 1.5 * usual)
+
+
+def gap_quantiles(gaps: Array) -> Array:
+    """Gaps that stand for all: those at evenly spaced ranks."""
+    if not len(gaps):
+        return np.zeros(0)
+    out: Array = np.quantile(gaps, (np.arange(MAX_GAPS) + 0.5) / MAX_GAPS)
+    return out
+
+
+def stamp_error(gaps: Array) -> float:
+    """The standard deviation of a duration through errors of stamps, from the spread of regular gaps."""
+    if not len(gaps):
+        return EVENT_ERROR_S
+    return max(1.4826 * float(np.median(abs(gaps - np.median(gaps)))), EVENT_ERROR_S)
+
+
+def fit_durations(data: Censored, seed: int = 0) -> DurationFit:
+    """The family with the least AIC, how well it describes the durations, and an empirical one."""
+    fits = [fit_family(data, family) for family in FAMILIES.values()]
+    best = min(fits, key=lambda fit: fit.aic)
+    if best.spread and best.spread * best.mean < 2 * data.error:
+        best = fits[0]  # the stamps err as much as such durations differ
+    return best._replace(p=family_p(data, best, seed), empirical=empirical_quantiles(data))
+
+
+def family_p(data: Censored, fit: DurationFit, seed: int) -> float:
+    """The p value of a two-sample test of observed and simulated operations.
+
+    Both are compared by their middles, which are blurred by the gap between messages.
+    """
+    from scipy.stats import ks_2samp
+
+    rng = np.random.default_rng(seed)
+    n = REPEATS * data.count
+    durations = FAMILIES[fit.family].draw(rng, n, fit.mean, fit.spread)
+    durations = np.maximum(durations + data.error * rng.normal(size=n), SHORTEST_S)
+    gap = float((data.free_before + data.free_after).mean()) / 2
+    messages = np.floor((rng.uniform(0, gap, n) + durations) / gap)
+    simulated = messages[messages > 0] * gap
+    first, second = (
+        middles + rng.uniform(-gap / 2, gap / 2, len(middles))
+        for middles in (data.middles, simulated)
+    )
+    return float(ks_2samp(first, second).pvalue)
+
+
+def empirical_quantiles(data: Censored) -> tuple[float, ...]:
+    """The most likely distribution without a family, as durations of equal probability (EM).
+
+    Source: Turnbull (1976), with the likelihood above for each duration of a grid.
+    """
+    top = float((data.free_before + data.seen + data.free_after).max())
+    bottom = float(data.seen.min())
+    grid = np.linspace(max(bottom, SHORTEST_S), top, 2 * QUANTILES)[None, :]
+
+    def area(x: Array) -> Array:
+        out: Array = np.maximum(x[:, None] - grid, 0.0)
+        return out
+
+    before, seen, after = data.free_before, data.seen, data.free_after
+    likely = area(before + seen + after) - area(seen + after) - area(before + seen) + area(seen)
+    likely = np.maximum(likely, 0.0)
+    known = likely.sum(axis=1) > 0
+    likely = likely[known]
+    detected = np.ones(grid.shape[1])
+    if len(data.gaps):
+        detected = np.minimum(1.0, grid[0] / data.gaps.mean())
+    mass = np.full(grid.shape[1], 1 / grid.shape[1])
+    for _ in range(EM_STEPS):
+        share = likely * mass
+        mass = (share / share.sum(axis=1, keepdims=True)).mean(axis=0)
+    mass = mass / detected
+    ranks = (np.arange(QUANTILES) + 0.5) / QUANTILES
+    at = np.searchsorted(np.cumsum(mass) / mass.sum(), ranks)
+    return tuple(np.round(grid[0][np.minimum(at, grid.shape[1] - 1)], 2).tolist())

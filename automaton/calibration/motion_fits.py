@@ -26,7 +26,6 @@ LATERAL: Final = 0.15  # cells; a straight pair does not move farther aside
 STILL: Final = 0.15  # cells; noise of positions moves a standing robot less far
 CORE: Final = 2.5  # standard deviations beyond which slow pairs were obstructed
 LEVEL: Final = 0.95
-MIN_RUN: Final = 1.0 - 1e-9
 
 
 class Track(NamedTuple):

@@ -17,8 +17,10 @@ from automaton.calibration.motion_fits import Fit, Track
 Array = np.ndarray[Any, Any]
 
 STATES: Final = ("move", "turn", "pick", "drop", "wait")
-WINDOW_S: Final = 300.0
+WINDOW_S: Final = 600.0
 RESAMPLES: Final = 200
+TRIMS: Final = 2
+OUTLIER: Final = 6.0  # medians of the absolute error
 FACTORS: Final = (0.5, 3.0)
 MAX_CHARGE_STEPS: Final = 3
 MIN_BIN_SECONDS: Final = 60.0  # of charging, for a rate
@@ -33,22 +35,24 @@ class DrainFit(NamedTuple):
 
 
 def state_seconds(
-    track: Track, usual: Array, turn_seconds: float, operations: dict[str, Array]
+    track: Track, usual: Array, turn_seconds: float, operations: dict[str, float]
 ) -> dict[str, Array]:
     """(n,) seconds of each state between each message and the next; the rest of the time is waiting.
 
-    `usual`: (n,) usual speed in cells per second; `operations`: (n,) bool for pick and drop. Time in
-    motion is the path at the usual speed: a robot that starts or stops between two messages is in both.
+    `usual`: (n,) usual speed in cells per second; `operations`: seconds of a pick and of a drop. Time in
+    motion is the path at the usual speed; a change of the load is a pick or a drop, even if no message
+    shows it.
     """
     seconds = np.append(np.diff(track.seconds), 0.0)
     moves = track.driving | np.append(track.driving[1:], False)
     way = sum(abs(np.append(np.diff(one), 0.0)) for one in (track.column, track.row))
     with np.errstate(divide="ignore", invalid="ignore"):
         out = {"move": np.where(moves & (usual > 0), np.nan_to_num(way / usual), 0.0)}
-    turned = (np.append(np.diff(track.heading.astype(np.int64)), 0)) % 4
+    turned = np.append(np.diff(track.heading.astype(np.int64)), 0) % 4
     out["turn"] = turn_seconds * np.minimum(turned, 4 - turned)
-    for name, chosen in operations.items():
-        out[name] = seconds * (chosen * 0.5 + np.append(chosen[1:], False) * 0.5)
+    after = np.append(track.loaded[1:], track.loaded[-1:])
+    out["pick"] = operations.get("pick", 0.0) * (~track.loaded & after)
+    out["drop"] = operations.get("drop", 0.0) * (track.loaded & ~after)
     out["wait"] = seconds - sum(out.values())  # of some pairs below 0: a turn shows at its end
     return out
 
@@ -71,15 +75,26 @@ def fit_drains(
     load = track.loaded & np.append(track.loaded[1:], False)
     half = track.loaded ^ np.append(track.loaded[1:], False)
     share = (load + 0.5 * half)[rows]
+    shares = {"pick": 0.0 * share, "drop": 0.0 * share + 1}
 
     def by_window(one: Array) -> Array:
         out: Array = np.add.reduceat(one, first)
         return out
 
     names = [name for name in STATES if seconds[name][rows].sum() > 0]
-    empty = np.stack([by_window(seconds[name][rows] * (1 - share)) for name in names], axis=1)
-    loaded = np.stack([by_window(seconds[name][rows] * share) for name in names], axis=1)
+    empty = np.stack(
+        [by_window(seconds[name][rows] * (1 - shares.get(name, share))) for name in names], axis=1
+    )
+    loaded = np.stack(
+        [by_window(seconds[name][rows] * shares.get(name, share)) for name in names], axis=1
+    )
     lost = by_window(change[rows])
+    # Windows whose charge is off for another reason do not count: most of them lie close together.
+    for _ in range(TRIMS):
+        at = _solve(empty, loaded, lost, True)
+        beyond = abs(lost - (empty + at[-1] * loaded) @ at[:-1])
+        usual = beyond <= OUTLIER * max(float(np.median(beyond)), 1e-9)
+        empty, loaded, lost = empty[usual], loaded[usual], lost[usual]
     has_factor = loaded.sum() > 0.02 * (empty.sum() + loaded.sum()) and empty.sum() > 0
     rng = np.random.default_rng(seed)
     solutions = [_solve(empty, loaded, lost, has_factor)]

@@ -15,8 +15,9 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 
+from automaton.calibration.log_on_floor import Placed
 from automaton.calibration.state_log import StateLog
-from automaton.floor.floor_plan import DIRECTION_VECTORS, NIL, FloorPlan
+from automaton.floor.floor_plan import DIRECTION_VECTORS, EAST, NIL, NORTH, SOUTH, WEST, FloorPlan
 
 Array = np.ndarray[Any, Any]
 
@@ -62,29 +63,29 @@ class Fit(NamedTuple):
     count: int  # observations
 
 
-def track_of(
-    log: StateLog, cell: Array, to_cell: Array, share: Array, heading: Array, floor_plan: FloorPlan
-) -> Track:
-    """A log with the cell of each message, or NIL, and the share of the way to `to_cell`."""
-    samples = log.samples
+def track_of(log: StateLog, placed: Placed, floor_plan: FloorPlan) -> Track:
+    """The log of robots with the place of each message."""
+    samples, cell = log.samples, placed.cell
     row, column = np.divmod(cell, floor_plan.stride)
-    to_row, to_column = np.divmod(np.where(to_cell == NIL, cell, to_cell), floor_plan.stride)
+    to_row, to_column = np.divmod(
+        np.where(placed.to_cell == NIL, cell, placed.to_cell), floor_plan.stride
+    )
     known = cell != NIL
-    column = np.where(known, column - 1 + share * (to_column - column), np.nan)
-    row = np.where(known, row - 1 + share * (to_row - row), np.nan)
-    acts = (samples.action > 0) | (samples.charging == 1) | samples.down
+    column = np.where(known, column - 1 + placed.share * (to_column - column), np.nan)
+    row = np.where(known, row - 1 + placed.share * (to_row - row), np.nan)
     seconds = samples.time / 1000
+    usable = log.usable & known & np.append(known[1:], False)
     return Track(
         robot=samples.robot,
         seconds=seconds,
         column=column,
         row=row,
-        heading=heading,
+        heading=placed.heading,
         loaded=samples.load > 0,
-        acts=acts,
-        driving=samples.driving == 1,
-        near=robots_ahead(seconds, samples.robot, column, row, heading),
-        usable=log.usable & known,
+        acts=(samples.action > 0) | (samples.charging == 1) | samples.down,
+        driving=samples.driving != 0,
+        near=robots_ahead(seconds, usable, column, row, placed.heading),
+        usable=usable,
     )
 
 
@@ -94,18 +95,26 @@ def message_gap(seconds: Array, usable: Array) -> float:
     return float(np.median(gaps)) if len(gaps) else math.nan
 
 
-def robots_ahead(seconds: Array, robot: Array, column: Array, row: Array, heading: Array) -> Array:
-    """(n,) bool: another robot is in one of the cells ahead, or beside these, at about this time."""
-    same = np.append(robot[1:] == robot[:-1], False)
-    gap = message_gap(seconds, same)
-    if math.isnan(gap) or gap <= 0:
+def robots_ahead(seconds: Array, usable: Array, column: Array, row: Array, heading: Array) -> Array:
+    """(n,) bool: another robot is in one of the cells ahead, or beside these, at about this time.
+
+    Ahead is where a robot drives to until its next message; the heading decides if it stands.
+    """
+    gap = message_gap(seconds, usable)
+    if math.isnan(gap):
         return np.zeros(len(seconds), bool)
     bins = np.round((seconds - seconds.min()) / gap).astype(np.int64)
     x = np.round(np.nan_to_num(column, nan=-64.0)).astype(np.int64) + 64
     y = np.round(np.nan_to_num(row, nan=-64.0)).astype(np.int64) + 64
     width, height = int(x.max()) + 64, int(y.max()) + 64
     occupied = np.unique((bins * width + x) * height + y)
-    dx, dy = np.asarray(DIRECTION_VECTORS, np.int64).T[:, heading]
+    vectors = np.asarray(DIRECTION_VECTORS, np.int64).T
+    across, down = (
+        np.where(usable, np.nan_to_num(np.diff(one, append=one[-1:])), 0) for one in (column, row)
+    )
+    along_x = abs(across) >= abs(down)
+    travel = np.where(along_x, np.where(across > 0, EAST, WEST), np.where(down > 0, SOUTH, NORTH))
+    dx, dy = vectors[:, np.where(np.maximum(abs(across), abs(down)) > STILL, travel, heading)]
     out = np.zeros(len(seconds), bool)
     for ahead in range(1, CELLS_AHEAD + 1):
         for aside in (-1, 0, 1):
@@ -194,12 +203,11 @@ def median_fit(values: Array) -> Fit:
 class Corners(NamedTuple):
     """Turns by 90 degrees between two straight drives; a row for each."""
 
-    robot: Array
-    loaded: Array  # (k,) bool
+    message: Array  # (k,) last message before the turn
     seconds: Array  # (k,) time beyond that of the path at the usual speed
 
 
-def corners_of(track: Track, pairs: Pairs, cells_per_second: Array) -> Corners:
+def corners_of(track: Track, cells_per_second: Array) -> Corners:
     """Turns without an operation or a robot ahead; `cells_per_second`: (n,) usual speed at a message."""
     moving = np.flatnonzero(track.driving & ~np.isnan(track.column))
     first, last = moving[:-1], moving[1:]
@@ -213,9 +221,10 @@ def corners_of(track: Track, pairs: Pairs, cells_per_second: Array) -> Corners:
         & (turned % 2 == 1)
         & (changes[last] - changes[first] == 1)
         & (track.loaded[first] == track.loaded[last])
+        & (cells_per_second[first] > 0)
     )
     first, last = first[free], last[free]
     way = sum(abs(one[last] - one[first]) for one in (track.column, track.row))
     beyond = track.seconds[last] - track.seconds[first] - way / cells_per_second[first]
     known = ~np.isnan(beyond)
-    return Corners(track.robot[first][known], track.loaded[first][known], beyond[known])
+    return Corners(first[known], beyond[known])

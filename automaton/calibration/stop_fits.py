@@ -14,7 +14,6 @@ import numpy as np
 
 from automaton.calibration.duration_fits import Censored
 from automaton.calibration.motion_fits import Fit, Pairs, Track, median_fit
-from automaton.floor.floor_plan import FloorPlan
 
 Array = np.ndarray[Any, Any]
 
@@ -36,7 +35,7 @@ class SlowStretch(NamedTuple):
 
 
 def slow_stretches(
-    track: Track, pairs: Pairs, usual: Array, floor_plan: FloorPlan, slow_share: float = SLOW_SHARE
+    track: Track, pairs: Pairs, usual: Array, slow_share: float = SLOW_SHARE
 ) -> list[SlowStretch]:
     """The slow stretches; `usual`: (n,) usual speed at each message, in cells per second."""
     chosen = np.flatnonzero(pairs.free & (usual > 0))

@@ -103,12 +103,9 @@ def fit_drains(
         factor = solutions[0][-1] if has_factor else 1.0
         solutions.append(_solve(empty[pick], loaded[pick], lost[pick], has_factor, factor))
     table = np.array(solutions)
+    ends = np.quantile(table[1:], (0.025, 0.975), axis=0)
     fits = [
-        Fit(
-            float(table[0, k]),
-            *(float(one) for one in np.quantile(table[1:, k], (0.025, 0.975))),
-            len(lost),
-        )
+        Fit(float(table[0, k]), float(ends[0][k]), float(ends[1][k]), len(lost))
         for k in range(table.shape[1])
     ]
     return DrainFit(dict(zip(names, fits, strict=False)), fits[-1] if has_factor else None)
@@ -160,7 +157,7 @@ def fit_charging(track: Track, charge: Array, charging: Array) -> tuple[tuple[fl
             best = more
     begins = [0, *best[1:]]
     ends = [*begins[1:], len(known)]
-    steps = []
+    steps: list[tuple[float, float]] = []
     for begin, end in zip(begins, ends, strict=True):
         value = float(np.average(rate[begin:end], weights=weight[begin:end]))
         steps.append((0.0 if not steps else float(known[begin]), value))

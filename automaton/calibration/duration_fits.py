@@ -18,7 +18,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from functools import partial
 from typing import Any, Final, NamedTuple
 
 import numpy as np
@@ -51,7 +50,7 @@ class Censored(NamedTuple):
     error: float  # standard deviation of a duration through errors of the stamps
 
     @property
-    def count(self) -> int:
+    def n(self) -> int:
         """Number of operations."""
         return len(self.seen)
 
@@ -79,7 +78,7 @@ class DurationFit(NamedTuple):
     high: float
     spread: float  # lognormal: sd / mean; uniform: half of the width / mean; else 0
     aic: float
-    count: int
+    n: int
     p: float = math.nan  # that durations of this family differ as much from the observed ones
     empirical: tuple[float, ...] = ()  # quantiles, each equally likely
 
@@ -138,14 +137,17 @@ FAMILIES: Final = {
 
 def negative_log_likelihood(data: Censored, family: Family, mean: float, spread: float) -> float:
     """Minus the logarithm of the likelihood."""
-    integral = partial(family.integral, mean=mean, spread=spread, error=data.error)
+
+    def integral(x: Array) -> Array:
+        return family.integral(x, mean, spread, data.error)
+
     before, seen, after = data.free_before, data.seen, data.free_after
     joint = integral(before + seen + after) - integral(seen + after)
     joint += integral(seen) - integral(before + seen)
     out = -float(np.log(np.maximum(joint, IMPOSSIBLE)).sum())
     if len(data.gaps):
         detected = float((data.gaps - integral(data.gaps)).mean())
-        out += data.count * math.log(max(detected, IMPOSSIBLE))
+        out += data.n * math.log(max(detected, IMPOSSIBLE))
     return out
 
 
@@ -205,7 +207,7 @@ def fit_family(data: Censored, family: Family) -> DurationFit:
 
     aic = 2 * (float(best.fun) + len(start))
     mean, low, high = (math.exp(one) for one in (log_mean, end(-1), end(1)))
-    return DurationFit(family.name, mean, low, high, math.exp(spread), aic, data.count)
+    return DurationFit(family.name, mean, low, high, math.exp(spread), aic, data.n)
 
 
 def _simplex(start: list[float]) -> list[list[float]]:
@@ -282,7 +284,7 @@ def family_p(data: Censored, fit: DurationFit, seed: int) -> float:
     from scipy.stats import ks_2samp
 
     rng = np.random.default_rng(seed)
-    n = REPEATS * data.count
+    n = REPEATS * data.n
     durations = FAMILIES[fit.family].draw(rng, n, fit.mean, fit.spread)
     durations = np.maximum(durations + data.error * rng.normal(size=n), SHORTEST_S)
     gap = float((data.free_before + data.free_after).mean()) / 2

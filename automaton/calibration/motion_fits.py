@@ -60,7 +60,11 @@ class Fit(NamedTuple):
     value: float
     low: float
     high: float
-    count: int  # observations
+    n: int  # observations
+
+    def scaled(self, factor: float) -> Fit:
+        """The same in another unit."""
+        return Fit(self.value * factor, self.low * factor, self.high * factor, self.n)
 
 
 def track_of(log: StateLog, placed: Placed, floor_plan: FloorPlan) -> Track:
@@ -168,7 +172,8 @@ def speed_windows(track: Track, pairs: Pairs, chosen: Array) -> Array:
     time = np.add.reduceat(seconds, first)
     way = sum(abs(np.add.reduceat(one[free], first)) for one in (pairs.across, pairs.down))
     long = time >= min(WINDOW_S, gap) * 0.8
-    return (way / time)[long]
+    out: Array = (way / time)[long]
+    return out
 
 
 def core(values: Array, sign: int = 1) -> Array:

@@ -17,7 +17,7 @@ from automaton.calibration.log_on_floor import placed
 from automaton.calibration.motion_fits import Fit, Pairs, Track
 from automaton.calibration.state_log import StateLog
 from automaton.scenario.robot_types import RobotType, types_of
-from automaton.units import count, number
+from automaton.units import count
 from automaton.world.resolved import Resolved
 
 Array = np.ndarray[Any, Any]
@@ -68,7 +68,6 @@ class SiteFits(NamedTuple):
     towed: bool
     charging: tuple[tuple[float, float], ...]  # from percent, percent per second
     slow: list[stop_fits.SlowStretch]
-    usual_mps: float  # speed to which the shares of slow stretches refer
 
 
 class Site(NamedTuple):
@@ -155,8 +154,9 @@ def fit_site(
     _fit_speeds(fitting)
     turn = _fit_turns(fitting)
     durations = _fit_operations(fitting, operations)
-    fastest = float(fitting.usual.max()) if len(fitting.usual) else 0.0
-    slow = stop_fits.slow_stretches(site.track, site.pairs, fitting.usual, thresholds.slow_share)
+    slow = stop_fits.slow_stretches(
+        site.pairs, site.track, fitting.usual, site.metres, thresholds.slow_share
+    )
     delays = _fit_delays(fitting, thresholds.shortest_delay_s)
     repair, towed = _fit_breakdowns(fitting)
     charging = _fit_battery(fitting, turn, durations)
@@ -174,7 +174,6 @@ def fit_site(
         towed,
         charging,
         slow,
-        fastest * site.metres,
     )
 
 
@@ -207,7 +206,7 @@ def _fit_speeds(fitting: Fitting) -> None:
                     key,
                     "m/s",
                     present * site.metres,
-                    scaled(fit, site.metres),
+                    fit.scaled(site.metres),
                     f"{pairs:,} pairs",
                 )
             )
@@ -263,7 +262,7 @@ def _fit_operations(
             continue
         chosen = site.log.samples.action == site.log.actions.index(action) + 1
         data = duration_fits.operations_of(site.log, chosen)
-        if not fitting.has_enough(f"durations.{name}", data.count, MIN_OPERATIONS, "operation"):
+        if not fitting.has_enough(f"durations.{name}", data.n, MIN_OPERATIONS, "operation"):
             continue
         fit = duration_fits.fit_durations(data)
         if len(data.gaps) and not fitting.is_seen(f"durations.{name}", fit.mean):
@@ -278,8 +277,8 @@ def _fit_operations(
                 f"durations.{name}",
                 "s",
                 present,
-                Fit(fit.mean, fit.low, fit.high, fit.count),
-                f"{fit.count:,} times",
+                Fit(fit.mean, fit.low, fit.high, fit.n),
+                f"{fit.n:,} times",
                 family_words(fit),
             )
         )
@@ -302,12 +301,12 @@ def _fit_delays(fitting: Fitting, shortest: float) -> stop_fits.DelayFit | None:
     order = order if order.any() else np.ones_like(order)
     fit = stop_fits.fit_delays(site.track, order, fitting.usual, site.error, shortest)
     key = "faults.delays"
-    if not fitting.has_enough(key, fit.rate.count, MIN_DELAYS, "delay") or fit.length is None:
+    if not fitting.has_enough(key, fit.rate.n, MIN_DELAYS, "delay") or fit.length is None:
         return None
     if not fitting.is_seen(key, fit.length.value):
         return None
-    observed = f"{fit.rate.count:,} delays"
-    fitting.add(Estimate(f"{key}.probability", "/h", None, scaled(fit.rate, HOUR), observed))
+    observed = f"{fit.rate.n:,} delays"
+    fitting.add(Estimate(f"{key}.probability", "/h", None, fit.rate.scaled(HOUR), observed))
     remark = f"shortest counted {shortest:g} s"
     fitting.add(Estimate(f"{key}.ticks", "s", None, fit.length, observed, remark))
     return fit
@@ -320,19 +319,19 @@ def _fit_breakdowns(fitting: Fitting) -> tuple[duration_fits.DurationFit | None,
     rate = found.rate
     low, high = (HOUR * one for one in (rate.low, rate.high))
     bounds = f"{1 / high:,.3g} to {1 / low:,.3g} h" if low else f"above {1 / high:,.3g} h"
-    if rate.count < MIN_BREAKDOWNS:
+    if rate.n < MIN_BREAKDOWNS:
         fitting.unsaid.append(
-            f"faults.mtbf: {rate.count:,} of at least {count(MIN_BREAKDOWNS, 'breakdown')}; {bounds}"
+            f"faults.mtbf: {rate.n:,} of at least {count(MIN_BREAKDOWNS, 'breakdown')}; {bounds}"
         )
         return None, False
-    mtbf = Fit(1 / (rate.value * HOUR), 1 / high, 1 / low, rate.count)
-    fitting.add(Estimate("faults.mtbf", "h", None, mtbf, f"{rate.count:,} breakdowns"))
-    if found.repairs.count < MIN_BREAKDOWNS:
+    mtbf = Fit(1 / (rate.value * HOUR), 1 / high, 1 / low, rate.n)
+    fitting.add(Estimate("faults.mtbf", "h", None, mtbf, f"{rate.n:,} breakdowns"))
+    if found.repairs.n < MIN_BREAKDOWNS:
         return None, found.towed > 0
     fit = duration_fits.fit_durations(found.repairs)
     key = "faults.repair_time" if found.towed else "faults.repair_in_place"
-    interval = Fit(fit.mean, fit.low, fit.high, fit.count)
-    fitting.add(Estimate(key, "s", None, interval, f"{fit.count:,} repairs", family_words(fit)))
+    interval = Fit(fit.mean, fit.low, fit.high, fit.n)
+    fitting.add(Estimate(key, "s", None, interval, f"{fit.n:,} repairs", family_words(fit)))
     return fit, found.towed > 0
 
 
@@ -368,10 +367,10 @@ def _fit_battery(
             continue
         present = getattr(battery.drain, name) * HOUR / site.tick if battery else None
         key = f"battery.drain.{name}"
-        fitting.add(Estimate(key, "%/h", present, scaled(drain, HOUR), f"{drain.count:,} windows"))
+        fitting.add(Estimate(key, "%/h", present, drain.scaled(HOUR), f"{drain.n:,} windows"))
     if fit and fit.loaded_factor:
         present = battery.drain.loaded_factor if battery else None
-        observed = f"{fit.loaded_factor.count:,} windows"
+        observed = f"{fit.loaded_factor.n:,} windows"
         fitting.add(
             Estimate("battery.drain.loaded_factor", "", present, fit.loaded_factor, observed)
         )
@@ -379,13 +378,3 @@ def _fit_battery(
     if not steps:
         fitting.unsaid.append("battery.charge_rate: less than a minute of charging")
     return steps
-
-
-def scaled(fit: Fit, factor: float) -> Fit:
-    """A fit in another unit."""
-    return Fit(fit.value * factor, fit.low * factor, fit.high * factor, fit.count)
-
-
-def in_words(value: float, unit: str) -> str:
-    """A value with its unit."""
-    return f"{number(value)} {unit}".strip()

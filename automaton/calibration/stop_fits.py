@@ -32,16 +32,18 @@ class SlowStretch(NamedTuple):
     first: tuple[int, int]  # x, y
     last: tuple[int, int]
     share: Fit  # of the usual speed
+    speed: Fit  # m/s of the fastest robots there
 
 
 def slow_stretches(
-    track: Track, pairs: Pairs, usual: Array, slow_share: float = SLOW_SHARE
+    pairs: Pairs, track: Track, usual: Array, metres: float, slow_share: float = SLOW_SHARE
 ) -> list[SlowStretch]:
     """The slow stretches; `usual`: (n,) usual speed at each message, in cells per second."""
     chosen = np.flatnonzero(pairs.free & (usual > 0))
     x, y = track.column[chosen], track.row[chosen]
     across, down = pairs.across[chosen], pairs.down[chosen]
-    share = (abs(across) + abs(down)) / (pairs.seconds[chosen] * usual[chosen])
+    speed = (abs(across) + abs(down)) / pairs.seconds[chosen]
+    share = speed / usual[chosen]
     middle = np.stack((x + across / 2, y + down / 2))
     out: list[SlowStretch] = []
     for axis, along in enumerate((abs(across) >= abs(down), abs(down) > abs(across))):
@@ -52,18 +54,27 @@ def slow_stretches(
             np.stack((place, place)) + np.stack((across, down))[axis] * [[-0.5], [0.5]], axis=0
         )
         for run in _slow_runs(line[near], edge[near], share[near], slow_share):
-            row, first, last = run[0]
+            row, first, last = run
             inside = along & (line == row) & (ends[0] >= first) & (ends[1] <= last)
-            values = share[inside] if inside.sum() >= MIN_SLOW_PAIRS else run[1]
+            if inside.sum() < MIN_SLOW_PAIRS:
+                inside = near & (line == row) & (edge >= first) & (edge < last)
             corners = [(first, row), (last, row)] if axis == 0 else [(row, first), (row, last)]
-            out.append(SlowStretch(corners[0], corners[1], median_fit(values)))
+            limit = _fastest(speed[inside], usual[chosen][inside])
+            limit = limit.scaled(metres)
+            out.append(SlowStretch(corners[0], corners[1], median_fit(share[inside]), limit))
     return sorted(out, key=lambda one: one.share.value)
+
+
+def _fastest(speed: Array, usual: Array) -> Fit:
+    """The speed of the robots that a limit slows down, not of those that are slower anyway."""
+    fits = [median_fit(speed[usual == one]) for one in np.unique(usual)]
+    return max((fit for fit in fits if fit.n >= len(speed) / 10), key=lambda fit: fit.value)
 
 
 def _slow_runs(
     line: Array, edge: Array, share: Array, slow_share: float
-) -> list[tuple[tuple[int, int, int], Array]]:
-    """((line, first cell, last cell), shares) of runs of slow edges in lines."""
+) -> list[tuple[int, int, int]]:
+    """(line, first cell, last cell) of runs of slow edges in lines."""
     order = np.lexsort((edge, line))
     line, edge, share = line[order], edge[order], share[order]
     first = np.flatnonzero(np.append(True, (np.diff(line) != 0) | (np.diff(edge) != 0)))
@@ -83,8 +94,7 @@ def _slow_runs(
         # Pairs reach into the edges beside a slow stretch and make these look slower than they are.
         middles = [float(np.median(slow[key])) for key in run]
         core = [key for key, one in zip(run, middles, strict=True) if one < (1 + min(middles)) / 2]
-        values = np.concatenate([slow[key] for key in core])
-        out.append(((run[0][0], core[0][1], core[-1][1] + 1), values))
+        out.append((run[0][0], core[0][1], core[-1][1] + 1))
     return out
 
 

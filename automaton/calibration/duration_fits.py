@@ -34,7 +34,7 @@ SHORTEST_S: Final = 0.01
 IMPOSSIBLE: Final = 1e-300  # likelihood of an operation that a family cannot explain
 QUANTILES: Final = 100  # durations of an empirical distribution
 EM_STEPS: Final = 200
-REJECTED: Final = 0.01  # p below which no family describes the durations
+REJECTED: Final = 0.001  # p below which no family describes the durations
 EVENT_ERROR_S: Final = 0.05
 MAX_IRREGULAR: Final = 0.2  # share of gaps that differ by half; stamps that err cause fewer
 REPEATS: Final = 20  # simulated durations for each observed one
@@ -187,13 +187,14 @@ def fit_family(data: Censored, family: Family) -> DurationFit:
         else:
             low, high = map(math.log, family.spreads)
             ends = max(low, spread - 1.0), min(high, spread + 1.0)
-            profile = minimize_scalar(
+            search = minimize_scalar(
                 lambda other: loss(one, other),
                 bounds=ends,
                 method="bounded",
                 options={"xatol": 1e-3},
-            ).fun
-        return min(profile - best.fun, 1e9) - HALF_CHI_SQUARE
+            )
+            profile = float(search.fun)
+        return min(profile - float(best.fun), 1e9) - HALF_CHI_SQUARE
 
     def end(sign: int) -> float:
         step = 0.02

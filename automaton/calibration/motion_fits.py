@@ -186,7 +186,7 @@ def core(values: Array, sign: int = 1) -> Array:
         beyond = sign * (values - middle)
         upper = beyond[beyond >= 0]
         spread = 1.4826 * np.median(upper) if len(upper) else 0.0
-        kept = values[abs(beyond) <= CORE * max(spread, 1e-9 + 1e-6 * abs(middle))]
+        kept: Array = values[abs(beyond) <= CORE * max(spread, 1e-9 + 1e-6 * abs(middle))]
         after = np.median(kept)
         if after == middle:
             break

@@ -206,6 +206,8 @@ def compare_models(
     from automaton.studies.model_pairs import compare_pairs
     from automaton.world.resolve import resolve
 
+    done = 0
+
     def difference(first: dict[str, Any], second: dict[str, Any], *more: str) -> tuple[bool, str]:
         """Whether two models differ, and by how much."""
         models = [
@@ -221,7 +223,6 @@ def compare_models(
         done += more
         show_line(f"{count(done, 'run')} done")
 
-    done = 0
     fit = fits.operations.get("handling")
     if fit is not None and fit.family != "constant":
         units = {"units": settings["units"]} if "units" in settings else {}

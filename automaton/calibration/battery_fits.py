@@ -12,7 +12,7 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 
-from automaton.calibration.motion_fits import Fit, Track
+from automaton.calibration.motion_fits import STILL, Fit, Track
 
 Array = np.ndarray[Any, Any]
 
@@ -45,8 +45,8 @@ def state_seconds(
     or a drop, even if no message shows it.
     """
     seconds = np.append(np.diff(track.seconds), 0.0)
-    moves = track.driving | np.append(track.driving[1:], False)
     way = sum(abs(np.append(np.diff(one), 0.0)) for one in (track.column, track.row))
+    moves = track.driving | np.append(track.driving[1:], False) | (way > STILL)
     with np.errstate(divide="ignore", invalid="ignore"):
         out = {"move": np.where(moves & (usual > 0), np.nan_to_num(way / usual), 0.0)}
     turned = np.append(np.diff(track.heading.astype(np.int64)), 0) % 4

@@ -2,10 +2,10 @@
 
     {"headerId":0,"timestamp":"2026-03-02T06:00:00.000Z","version":"3.0.0", ...}
 
-Nodes are cells, x_y as a user counts them; an edge leads from one to the next. x and y are metres
-to the right of and above the lower left corner of the floor, theta is counter-clockwise. A robot's order
-is a number of `orders`, or of trips. Sequence numbers grow by 2 with each move of an order: nodes have
-even numbers, edges odd ones.
+Nodes are cells, x_y as a user counts them; an edge leads from one to the next. x and y are metres in
+the coordinates of the site (units.origin, units.rotation), by default to the right of and above the
+lower left corner of the floor; theta is counter-clockwise. A robot's order is a number of `orders`, or
+of trips. Sequence numbers grow by 2 with each move of an order: nodes have even numbers, edges odd ones.
 
 Source: VDA 5050, versions 2.1.0 and 3.0.0, topic `state`.
 """
@@ -49,7 +49,7 @@ from automaton.recording.frames import Recording, floor_plan_of
 from automaton.runs.simulation import Simulation
 from automaton.scenario.quantities import Scale
 from automaton.scenario.refinement import refined_data
-from automaton.scenario.schema import Scenario
+from automaton.scenario.schema import Scenario, Units
 from automaton.vocabulary import CONDITION_WORDS
 
 MANUFACTURER: Final = "automaton"
@@ -144,7 +144,7 @@ class Messages:
         self.version = version
         self.floor_plan = floor_plan_of(recording.header["floor"])
         self.time = TickTimes(scenario.units.scale)
-        self.position = Positions(self.floor_plan, scenario.units.scale.cell_metres)
+        self.position = Positions(self.floor_plan, scenario.units)
         self.has_pods = bool(recording.header.get("pods"))
         self.has_battery = scenario.battery is not None
         self.map = scenario.name
@@ -257,11 +257,15 @@ class TickTimes:
 
 
 class Positions:
-    """The positions of robots, in metres."""
+    """The positions of robots, in metres and in the coordinates of the site."""
 
-    def __init__(self, floor_plan: FloorPlan, cell: Fraction) -> None:
+    def __init__(self, floor_plan: FloorPlan, units: Units) -> None:
         self._floor_plan = floor_plan
-        self._cell = float(cell)
+        self._cell = float(units.scale.cell_metres)
+        self._origin = np.array(units.origin)
+        self._turned = math.radians(units.rotation)
+        sine, cosine = math.sin(self._turned), math.cos(self._turned)
+        self._turn = np.array([[cosine, sine], [-sine, cosine]])  # of rows (x, y)
 
     def cells(self, world: World, index: Any) -> Any:
         """(n,) the cell of each robot or of its parking bay; NIL: towed."""
@@ -278,14 +282,20 @@ class Positions:
         to_x, to_y = self._centres(np.where(claim == NIL, cell, claim))
         share = sample.moved
         places = np.stack((x + share * (to_x - x), y + share * (to_y - y)), axis=1)
-        rounded = np.round(places * self._cell, 6).tolist()
+        places = places * self._cell
+        if self._turned:
+            places = places @ self._turn
+        rounded = np.round(places + self._origin, 6).tolist()
         known = world.grid.type_headings[robots.type[index]].tolist()
         faces = zip(known, robots.heading[index].tolist(), strict=True)
-        thetas = [THETAS[headings][heading] for headings, heading in faces]
+        thetas = [self._theta(THETAS[headings][heading]) for headings, heading in faces]
         return [
             None if one == NIL else (*place, theta)
             for one, place, theta in zip(cell.tolist(), rounded, thetas, strict=True)
         ]
+
+    def _theta(self, theta: float) -> float:
+        return math.remainder(theta + self._turned, math.tau) if self._turned else theta
 
     def _centres(self, cell: Any) -> tuple[Any, Any]:
         """Centres of cells, in cells from the lower left corner."""

@@ -64,6 +64,8 @@ MAX_REFINEMENT = 1000  # fine ticks in a tick
 
 INSTEAD = "instead"  # in Meta.extra: new names of renamed values
 
+Metre = Annotated[float, Meta(ge=-1_000_000, le=1_000_000)]
+
 LAYER_NAMES = ("zoning", "charging", "allocation", "routing", "right_of_way")
 
 
@@ -93,6 +95,23 @@ class Units(ConfigSection, frozen=True, kw_only=True):
             'offset here, too: "2026-03-02 06:00+01:00".'
         ),
     ] = None
+
+    origin: Annotated[
+        tuple[Metre, Metre],
+        Meta(
+            description="The lower left corner of the floor in the coordinates of the site, [x, y] in "
+            "metres. Logs of real robots and exported positions are in these coordinates."
+        ),
+    ] = (0.0, 0.0)
+    rotation: Annotated[
+        float,
+        Meta(
+            ge=-360,
+            le=360,
+            description="Degrees, counter-clockwise, from the x axis of the site to the lower side of "
+            "the floor.",
+        ),
+    ] = 0.0
 
     def __post_init__(self) -> None:
         if self.clock is not None:

@@ -1,0 +1,227 @@
+"""Messages of robots on the floor of a scenario: the cell of each, or the edge that it is on.
+
+    x, y in the log  --units.origin, units.rotation-->  metres from the lower left corner  -->  cells
+
+Positions of more than MAX_OFF_FLOOR off the floor mean another unit, origin or rotation: such a log is
+refused with the one that fits. The fit is that of the cells that robots visit on the drivable cells:
+the highest correlation over all shifts, computed by a Fourier transform.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+
+from automaton.calibration.state_log import Samples, StateLog
+from automaton.errors import InputError
+from automaton.floor.floor_plan import DIRECTION_VECTORS, NIL, FloorPlan
+from automaton.scenario.schema import Units
+from automaton.units import LENGTH_UNITS, percent
+
+Array = np.ndarray[Any, Any]
+
+MAX_OFF_FLOOR: Final = 0.02  # share of the positions
+SNAP_M: Final = 0.05  # metres from a centre within which a robot stands in the cell
+MAX_STEP: Final = 1.5  # cells to a message before or after that shows where a robot drives
+MAX_FITTED: Final = 50_000  # positions that a fit looks at
+SAME_FIT: Final = 1e-6  # difference of shares that counts as none
+QUARTER: Final = math.pi / 2
+NAMED: Final = {"mm": "millimetres", "cm": "centimetres", "ft": "feet", "in": "inches"}
+
+
+class Placed(NamedTuple):
+    """Where the robot of each message is: in `cell`, or on the way to `to_cell`."""
+
+    cell: Array  # (n,) int64 flat cell; NIL: not on the floor, or not known
+    to_cell: Array  # (n,) int64 flat cell that it drives to; NIL at a centre
+    share: Array  # (n,) float64 completed share of the way there, 0 to 1
+    heading: Array  # (n,) int8 0 to 3, clockwise from east on the screen; NIL: not known
+    off_floor: int  # positions off the floor
+
+
+def placed(log: StateLog, floor_plan: FloorPlan, units: Units, snap: float = SNAP_M) -> Placed:
+    """The place of each message; `snap`: distance from a centre, in metres, that counts as none.
+
+    Raises InputError if too many positions are off the floor, or if a cell has no size.
+    """
+    samples = log.samples
+    metres = float(units.scale.cell_metres)
+    column, row = _in_cells(*_local(samples.x, samples.y, units), metres, floor_plan)
+    known = np.isfinite(column) & np.isfinite(row)
+    near_column, near_row = (np.rint(np.where(known, at, NIL)) for at in (column, row))
+    inside = known & (near_column >= 0) & (near_column < floor_plan.stride)
+    inside &= (near_row >= 0) & (near_row < floor_plan.height + 2)
+    cell = np.where(inside, near_row * floor_plan.stride + near_column, 0).astype(np.int64)
+    mask = standable(floor_plan)
+    on_floor = inside & mask[cell]
+    off_floor = int(known.sum() - on_floor.sum())
+    if off_floor > MAX_OFF_FLOOR * known.sum():
+        fit = _nearest_fit(samples, floor_plan, metres)
+        off = percent(off_floor / int(known.sum()))
+        raise InputError(f"{off} of the positions are not on the floor; {fit}")
+    heading = _headings(samples.theta - math.radians(units.rotation))
+    offset = column - near_column, row - near_row
+    way, share = _edges(np.where(on_floor, cell, NIL), offset, snap / metres, floor_plan)
+    to_cell = np.where(way == NIL, NIL, cell + np.array(floor_plan.offsets)[way])
+    back = (way != NIL) & (_drives_along(way, heading, (column, row), log.usable) < 0)
+    return Placed(
+        np.where(back, to_cell, np.where(on_floor, cell, NIL)),
+        np.where(back, cell, to_cell),
+        np.where(back, 1 - share, share),
+        heading,
+        off_floor,
+    )
+
+
+def standable(floor_plan: FloorPlan) -> Array:
+    """(cells,) bool: where robots stand, parking bays included."""
+    mask = floor_plan.drivable.ravel().copy()
+    mask[floor_plan.bays[:, 0]] = True
+    return mask
+
+
+def _local(x: Array, y: Array, units: Units) -> tuple[Array, Array]:
+    """Positions in the log's frame as metres from the lower left corner of the floor."""
+    angle = math.radians(units.rotation)
+    x, y = x - units.origin[0], y - units.origin[1]
+    return math.cos(angle) * x + math.sin(angle) * y, math.cos(angle) * y - math.sin(angle) * x
+
+
+def _in_cells(x: Array, y: Array, metres: float, floor_plan: FloorPlan) -> tuple[Array, Array]:
+    """Column and row of positions, border included; whole numbers are centres."""
+    return x / metres + 0.5, floor_plan.height + 0.5 - y / metres
+
+
+def _headings(theta: Array) -> Array:
+    """(n,) int8 the nearest of the four headings, or NIL."""
+    known = np.isfinite(theta)
+    quarters = np.rint(-np.where(known, theta, 0) / QUARTER).astype(np.int64) & 3
+    return np.where(known, quarters, NIL).astype(np.int8)
+
+
+def _edges(
+    cell: Array, offset: tuple[Array, Array], snap: float, floor_plan: FloorPlan
+) -> tuple[Array, Array]:
+    """(n,) direction from the nearest cell to the other end of the edge, or NIL at a centre, and the
+    share of the way."""
+    east, south = offset
+    is_along_x = np.abs(east) >= np.abs(south)
+    away = np.where(is_along_x, east, south)
+    way = np.where(is_along_x, np.where(away > 0, 0, 2), np.where(away > 0, 1, 3))
+    at = np.where(cell == NIL, 0, cell)
+    other = np.clip(at + np.array(floor_plan.offsets)[way], 0, floor_plan.kind.size - 1)
+    exits, mask = floor_plan.exits.ravel().astype(np.int64), standable(floor_plan)
+    is_open = (exits[at] >> way | exits[other] >> (way ^ 2)) & 1 > 0
+    is_open |= (
+        ~floor_plan.drivable.ravel()[at] | ~floor_plan.drivable.ravel()[other]
+    )  # parking bays
+    is_edge = (cell != NIL) & (np.abs(away) > snap) & mask[other] & is_open
+    return np.where(is_edge, way, NIL), np.where(is_edge, np.abs(away), 0.0)
+
+
+def _drives_along(way: Array, heading: Array, place: tuple[Array, Array], usable: Array) -> Array:
+    """(n,) above 0: the robot drives in the direction of the edge, below: against it; 0: not known.
+
+    Its next message shows it if it is not far off, else the last one, else its heading.
+    """
+    step = np.array(DIRECTION_VECTORS)[way]
+    column, row = (np.diff(at, append=at[-1:]) for at in place)
+    near = usable & (np.hypot(column, row) < MAX_STEP)
+    after = np.where(near, column * step[:, 0] + row * step[:, 1], 0)
+    column, row, near = (np.roll(one, 1) for one in (column, row, near))
+    before = np.where(near, column * step[:, 0] + row * step[:, 1], 0)
+    faces = np.where(heading == way, 1, np.where((heading ^ 2) == way, -1, 0))
+    out: Array = np.select([after != 0, before != 0], [after, before], faces)
+    return out
+
+
+# The fit that would put a refused log on the floor.
+
+
+class Fit(NamedTuple):
+    """A change of positions that puts them on the floor."""
+
+    share: float  # of the positions on the floor
+    unit: str
+    rotation: int  # degrees
+    is_mirrored: bool
+    origin: tuple[float, float]
+
+    def __str__(self) -> str:
+        parts = []
+        if self.unit != "m":
+            parts.append(f"they are {NAMED[self.unit]}")
+        if self.is_mirrored:
+            parts.append("their y grows downwards")
+        if any(self.origin):
+            parts.append("units.origin is [{:g}, {:g}]".format(*self.origin))
+        if self.rotation:
+            parts.append(f"units.rotation is {self.rotation}")
+        return f"they fit if {' and '.join(parts)}"
+
+
+def _nearest_fit(samples: Samples, floor_plan: FloorPlan, metres: float) -> str:
+    """What puts the positions on the floor, as a phrase."""
+    known = np.flatnonzero(np.isfinite(samples.x) & np.isfinite(samples.y))
+    some = known[:: max(1, len(known) // MAX_FITTED)]
+    fits = [
+        fit
+        for is_mirrored in (False, True)
+        for unit in ("m", *NAMED)
+        for rotation in (0, 90, 180, 270)
+        for fit in _shifts(
+            samples.x[some],
+            samples.y[some],
+            floor_plan,
+            metres,
+            Fit(0, unit, rotation, is_mirrored, (0, 0)),
+        )
+        if fit.share >= 1 - MAX_OFF_FLOOR
+    ]
+    if not fits:
+        return "no unit, origin and quarter turn fits them"
+    return str(
+        min(fits, key=lambda fit: (fit.is_mirrored, fit.unit != "m", any(fit.origin), fit.rotation))
+    )
+
+
+def _shifts(x: Array, y: Array, floor_plan: FloorPlan, metres: float, turned: Fit) -> Iterator[Fit]:
+    """Yield the fit without an origin, and the best one with an origin, of a unit and a rotation."""
+    size = float(LENGTH_UNITS[turned.unit])
+    angle = math.radians(turned.rotation)
+    y = -y if turned.is_mirrored else y
+    right = size * (math.cos(angle) * x + math.sin(angle) * y)
+    up = size * (math.cos(angle) * y - math.sin(angle) * x)
+    column, row = _in_cells(right, up, metres, floor_plan)
+    mask = standable(floor_plan).reshape(floor_plan.kind.shape)
+    height, width = floor_plan.kind.shape
+    low_row, low_column = np.rint(row.min()), np.rint(column.min())
+    if np.rint(row.max()) - low_row >= height or np.rint(column.max()) - low_column >= width:
+        return
+    near_row, near_column = np.rint(row).astype(np.int64), np.rint(column).astype(np.int64)
+    inside = (near_row >= 0) & (near_row < height) & (near_column >= 0) & (near_column < width)
+    on_floor = inside & mask[np.where(inside, near_row, 0), np.where(inside, near_column, 0)]
+    yield turned._replace(share=float(on_floor.mean()))
+    low_row, low_column = low_row + _phase(row), low_column + _phase(column)
+    shape = 2 * height, 2 * width
+    visits = np.zeros(shape)
+    cells = np.rint(row - low_row).astype(np.int64), np.rint(column - low_column).astype(np.int64)
+    np.add.at(visits, cells, 1 / len(x))
+    matches = np.fft.irfft2(np.conj(np.fft.rfft2(visits)) * np.fft.rfft2(mask, shape), shape)
+    best = np.argwhere(matches >= matches.max() - SAME_FIT)
+    shifts = (best + np.array([height, width])) % np.array(shape) - np.array([height, width])
+    local = np.stack((low_column - shifts[:, 1], shifts[:, 0] - low_row), axis=1) * metres
+    east, north = local[np.abs(local).sum(axis=1).argmin()].tolist()
+    origin = (
+        round(math.cos(angle) * east - math.sin(angle) * north, 3),
+        round(math.sin(angle) * east + math.cos(angle) * north, 3),
+    )
+    yield turned._replace(share=float(matches.max()), origin=origin)
+
+
+def _phase(places: Array) -> float:
+    """The most usual offset of positions from whole numbers, in (-1/2, 1/2]."""
+    return float(np.angle(np.exp(2j * math.pi * places).mean()) / (2 * math.pi))

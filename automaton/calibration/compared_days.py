@@ -17,13 +17,13 @@ from automaton.calibration.fleet_trace import (
     measured_run,
 )
 from automaton.calibration.site_day import SiteDay
-from automaton.floor.floor_plan import FloorPlan
+from automaton.floor.floor_plan import NIL, FloorPlan
 from automaton.floor.traffic_zones import traffic_zones_of
 from automaton.studies.process_pool import run_jobs
 
 Array = np.ndarray[Any, Any]
 
-CROSSINGS_TOO: Final = "with-intersections"
+MIN_IN_STRETCHES: Final = 0.5  # of the drivable cells; on a more open floor, crossings count too
 
 
 class Compared(NamedTuple):
@@ -44,8 +44,7 @@ def compare_days(
 ) -> Compared:
     """Run each day with the seeds from that of the scenario on, and judge. Raises InputError."""
     floor_plan = days[0].resolved.floor_plan
-    zones = traffic_zones_of(floor_plan, CROSSINGS_TOO)
-    stretch_of, cells = zones.of[:, 0], floor_plan.kind.size
+    stretch_of, cells = stretches_of(floor_plan), floor_plan.kind.size
     entries = np.sum([entries_of(day.trace, cells) for day in days], axis=0)
     busiest = tuple(np.argsort(-entries, kind="stable")[:BUSIEST].tolist())
     results = []
@@ -55,7 +54,7 @@ def compare_days(
             len(day.trace.cell),
             day.trace.period,
             stretch_of,
-            zones.count,
+            int(stretch_of.max()) + 1,
             busiest,
             day.released,
         )
@@ -65,3 +64,14 @@ def compare_days(
         simulated = [one.metrics for one in done]
         results.append(DayResult(day.name, day.begin, measured(day.trace, plan), simulated))
     return Compared(results, agreement(results), stretch_of, busiest, floor_plan)
+
+
+def stretches_of(floor_plan: FloorPlan) -> Array:
+    """(cells,) int32 the straight stretch between crossings of each cell, or NIL.
+
+    On an open floor, where most cells are crossings, each crossing is a stretch, too.
+    """
+    of: Array = traffic_zones_of(floor_plan).of[:, 0]
+    if np.count_nonzero(of != NIL) < MIN_IN_STRETCHES * np.count_nonzero(floor_plan.drivable):
+        of = traffic_zones_of(floor_plan, "with-intersections").of[:, 0]
+    return of

@@ -32,6 +32,8 @@ LEAD_TIME_P50: Final = "lead time p50"
 LEAD_TIME_P95: Final = "lead time p95"
 ORDER_SHARE: Final = "time on orders"
 EMPTY_SHARE: Final = "empty share"
+PICK_TIME: Final = "time at pick-ups"
+DROP_TIME: Final = "time at drop-offs"
 HOUR: Final = "hour "  # prefixes of quantities that are there several times
 HEADWAY: Final = "headway "
 STRETCH: Final = "stretch "
@@ -128,9 +130,11 @@ def measured(trace: FleetTrace, plan: MeasurePlan) -> dict[str, float]:
     moved = np.diff(trace.cell, axis=0) != 0
     moved &= (trace.cell[1:] != NIL) & (trace.cell[:-1] != NIL)
     entries = int(moved.sum())
-    known = trace.cell != NIL
+    dwell = rows_at_once(trace)
+    at_work = (trace.cell != NIL) & (trace.order != NIL)
+    at_work[1:] |= moved
     seconds = np.bincount(
-        plan.stretch_of[trace.cell[known]] + 1, minlength=plan.stretches + 1
+        plan.stretch_of[trace.cell[at_work]] + 1, minlength=plan.stretches + 1
     )  # the first: cells of no stretch
     return {
         ORDERS_AN_HOUR: len(lead) * HOUR_S / ((len(trace.cell) - 1) * trace.period),
@@ -138,6 +142,8 @@ def measured(trace: FleetTrace, plan: MeasurePlan) -> dict[str, float]:
         LEAD_TIME_P50: float(np.quantile(lead, 0.5)) if len(lead) else np.nan,
         LEAD_TIME_P95: float(np.quantile(lead, 0.95)) if len(lead) else np.nan,
         ORDER_SHARE: float((trace.order != NIL).mean()),
+        PICK_TIME: standing_time(trace, dwell, ~trace.load[:-1] & trace.load[1:]),
+        DROP_TIME: standing_time(trace, dwell, trace.load[:-1] & ~trace.load[1:]),
         EMPTY_SHARE: float((moved & ~trace.load[1:]).sum() / entries) if entries else np.nan,
         **{f"{HOUR}{k}": float(many) for k, many in enumerate(hours[: trace.hours].tolist())},
         **{f"{HEADWAY}{k}": headway(trace, moved, cell) for k, cell in enumerate(plan.busiest)},
@@ -153,6 +159,32 @@ def orders_of(trace: FleetTrace) -> tuple[Array, Array, Array]:
     np.minimum.at(first, which, row)
     np.maximum.at(last, which, row)
     return first, last, number
+
+
+def rows_at_once(trace: FleetTrace) -> Array:
+    """(k, n) how many rows in sequence a robot is in the cell of each row with the order of that row."""
+    cell, order = trace.cell, trace.order
+    rows, edge = np.arange(len(cell))[:, None], np.ones((1, cell.shape[1]), np.bool_)
+    moved = (cell[1:] != cell[:-1]) | (order[1:] != order[:-1])
+    first = np.maximum.accumulate(np.where(np.concatenate((edge, moved)), rows, 0))
+    ends = np.where(np.concatenate((moved, edge)), rows, len(cell))
+    last = np.minimum.accumulate(ends[::-1])[::-1]
+    out: Array = last - first + 1
+    return out
+
+
+def standing_time(trace: FleetTrace, dwell: Array, changes: Array) -> float:
+    """The mean time that robots stand where their load changes, in seconds; nan without a change.
+
+    `changes`: (k - 1, n) bool, between two rows. The load may change at the begin or the end of an
+    operation, so the cell of the longer stay counts. Robots that are also blocked there would hide small
+    differences of the operation, so the mean is that of the shorter half.
+    """
+    row, robot = np.nonzero(changes)
+    if not len(row):
+        return np.nan
+    rows = np.sort(np.maximum(dwell[row, robot], dwell[row + 1, robot]))
+    return float(rows[: (len(rows) + 1) // 2].mean()) * trace.period
 
 
 def headway(trace: FleetTrace, moved: Array, cell: int) -> float:

@@ -257,28 +257,37 @@ def ends_of_orders(log: StateLog, place: Placed) -> Iterator[tuple[int, OrderEnd
     codes, first = np.unique(samples.order[rows], return_index=True)
     for code, own in zip(codes.tolist(), np.split(rows, first[1:]), strict=True):
         loaded = own[samples.load[own] > 0]
-        if not len(loaded) or loaded[0] == own[0]:
+        if not len(loaded):
             continue
-        before, after, last = loaded[0] - 1, loaded[0], loaded[-1]
-        end = min(last + 1, len(samples.time) - 1)
-        if end == last or samples.robot[end] != samples.robot[last]:
-            continue  # it carries the load when the log ends
+        first_loaded, last = int(loaded[0]), int(loaded[-1])
+        before, after = max(first_loaded - 1, 0), min(last + 1, len(samples.time) - 1)
+        if not is_pair(log, before, first_loaded) or not is_pair(log, last, after):
+            continue  # it carries the load when the log begins or ends
         yield (
             code - 1,
             OrderEnds(
                 int(samples.time[own[0]]),
-                cells_at(place, before, after),
-                cells_at(place, last, end),
+                cells_at(log, place, before, first_loaded),
+                cells_at(log, place, last, after),
             ),
         )
 
 
-def cells_at(place: Placed, before: int, after: int) -> tuple[int, ...]:
-    """The cells of a robot at two messages and between them; those where it stands come first."""
-    standing = [place.cell[row] for row in (before, after) if place.to_cell[row] == NIL]
-    return tuple(
-        map(int, (*standing, place.to_cell[before], place.cell[after], place.cell[before]))
-    )
+def is_pair(log: StateLog, before: int, after: int) -> bool:
+    """Whether two messages follow each other in the log of one robot."""
+    return after == before + 1 and bool(log.samples.robot[before] == log.samples.robot[after])
+
+
+def cells_at(log: StateLog, place: Placed, before: int, after: int) -> tuple[int, ...]:
+    """The cells where a load may have changed between two messages, the likeliest first.
+
+    These are the cells of a running action, then those where the robot stands, then those on its way.
+    """
+    rows = (before, after)
+    acting = [place.cell[row] for row in rows if log.samples.action[row]]
+    standing = [place.cell[row] for row in rows if place.to_cell[row] == NIL]
+    on_way = (place.to_cell[before], place.cell[after], place.cell[before])
+    return tuple(map(int, (*acting, *standing, *on_way)))
 
 
 def slots_at(floor_plan: FloorPlan) -> tuple[dict[int, int], dict[int, int]]:

@@ -57,6 +57,7 @@ CSV_NUMBERS: Final = ("x", "y", "theta", "charge")
 SEPARATORS: Final = (";", "\t", ",")  # the first of these in the header wins
 MAX_SHOWN: Final = 20  # columns, in an error
 GZIP: Final = b"\x1f\x8b"
+BARE: Final = msgspec.Raw()  # the payload of a message without an envelope
 BYTE_ORDER_MARK: Final = b"\xef\xbb\xbf"
 
 
@@ -116,7 +117,7 @@ class Message(msgspec.Struct):
     powerSupply: Power | None = None
     errors: list[Error] = []
     topic: str | None = None
-    payload: msgspec.Raw | None = None
+    payload: msgspec.Raw = BARE
     time: Stamp | None = None
     tst: datetime.datetime | None = None  # as mosquitto_sub writes it
 
@@ -184,7 +185,7 @@ class LineReader:
             try:
                 message = DECODER.decode(line.lstrip(BYTE_ORDER_MARK))
                 sent = message.timestamp or message.time or message.tst
-                if message.payload is not None:
+                if message.payload is not BARE:
                     if message.topic is not None and not message.topic.endswith("state"):
                         self._skip("other topic", number)
                         continue

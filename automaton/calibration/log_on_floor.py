@@ -27,6 +27,9 @@ MAX_OFF_FLOOR: Final = 0.02  # share of the positions
 SNAP_M: Final = 0.05  # metres from a centre within which a robot stands in the cell
 MAX_STEP: Final = 1.5  # cells to a message before or after that shows where a robot drives
 MAX_FITTED: Final = 50_000  # positions that a fit looks at
+NEAR_BEST: Final = 0.002  # share below the best fit at which a simpler one is preferred
+NEAR_CENTRE: Final = 0.15  # cells
+MIN_CELLS: Final = 20  # that robots visit, if another unit fits
 SAME_FIT: Final = 1e-6  # difference of shares that counts as none
 QUARTER: Final = math.pi / 2
 NAMED: Final = {"mm": "millimetres", "cm": "centimetres", "ft": "feet", "in": "inches"}
@@ -149,6 +152,7 @@ class Fit(NamedTuple):
     rotation: int  # degrees
     is_mirrored: bool
     origin: tuple[float, float]
+    cells: int = 0  # visited ones
 
     def __str__(self) -> str:
         parts = []
@@ -167,6 +171,8 @@ def _nearest_fit(samples: Samples, floor_plan: FloorPlan, metres: float) -> str:
     """What puts the positions on the floor, as a phrase."""
     known = np.flatnonzero(np.isfinite(samples.x) & np.isfinite(samples.y))
     some = known[:: max(1, len(known) // MAX_FITTED)]
+    # Too small a unit puts all robots in a few cells, wherever they were.
+    least = min(MIN_CELLS, int(floor_plan.drivable.sum()) // 4)
     fits = [
         fit
         for is_mirrored in (False, True)
@@ -179,13 +185,18 @@ def _nearest_fit(samples: Samples, floor_plan: FloorPlan, metres: float) -> str:
             metres,
             Fit(0, unit, rotation, is_mirrored, (0, 0)),
         )
-        if fit.share >= 1 - MAX_OFF_FLOOR
+        if fit.share >= 1 - MAX_OFF_FLOOR and (fit.unit == "m" or fit.cells >= least)
     ]
     if not fits:
         return "no unit, origin and quarter turn fits them"
-    return str(
-        min(fits, key=lambda fit: (fit.is_mirrored, fit.unit != "m", any(fit.origin), fit.rotation))
-    )
+    share = max(fit.share for fit in fits) - NEAR_BEST
+    cells = max(fit.cells for fit in fits) / 2
+    good = (fit for fit in fits if fit.share >= share and fit.cells >= cells)
+    return str(min(good, key=_complexity))
+
+
+def _complexity(fit: Fit) -> tuple[bool, bool, bool, int]:
+    return fit.is_mirrored, fit.unit != "m", any(fit.origin), fit.rotation
 
 
 def _shifts(x: Array, y: Array, floor_plan: FloorPlan, metres: float, turned: Fit) -> Iterator[Fit]:
@@ -204,12 +215,14 @@ def _shifts(x: Array, y: Array, floor_plan: FloorPlan, metres: float, turned: Fi
     near_row, near_column = np.rint(row).astype(np.int64), np.rint(column).astype(np.int64)
     inside = (near_row >= 0) & (near_row < height) & (near_column >= 0) & (near_column < width)
     on_floor = inside & mask[np.where(inside, near_row, 0), np.where(inside, near_column, 0)]
+    cells = len(np.unique(near_row * width + near_column))
+    turned = turned._replace(cells=cells)
     yield turned._replace(share=float(on_floor.mean()))
     low_row, low_column = low_row + _phase(row), low_column + _phase(column)
     shape = 2 * height, 2 * width
     visits = np.zeros(shape)
-    cells = np.rint(row - low_row).astype(np.int64), np.rint(column - low_column).astype(np.int64)
-    np.add.at(visits, cells, 1 / len(x))
+    at = np.rint(row - low_row).astype(np.int64), np.rint(column - low_column).astype(np.int64)
+    np.add.at(visits, at, 1 / len(x))
     matches = np.fft.irfft2(np.conj(np.fft.rfft2(visits)) * np.fft.rfft2(mask, shape), shape)
     best = np.argwhere(matches >= matches.max() - SAME_FIT)
     shifts = (best + np.array([height, width])) % np.array(shape) - np.array([height, width])
@@ -223,5 +236,8 @@ def _shifts(x: Array, y: Array, floor_plan: FloorPlan, metres: float, turned: Fi
 
 
 def _phase(places: Array) -> float:
-    """The most usual offset of positions from whole numbers, in (-1/2, 1/2]."""
-    return float(np.angle(np.exp(2j * math.pi * places).mean()) / (2 * math.pi))
+    """The usual offset of positions from whole numbers: that of robots that stand in a cell."""
+    mean = float(np.angle(np.exp(2j * math.pi * places).mean()) / (2 * math.pi))
+    off = places - mean - np.rint(places - mean)
+    near = off[np.abs(off) < NEAR_CENTRE]
+    return mean + float(np.median(near)) if len(near) else mean

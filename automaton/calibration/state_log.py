@@ -20,6 +20,7 @@ from automaton.units import count
 Array = np.ndarray[Any, Any]
 
 MAX_GAP_MS: Final = 30_000  # VDA 5050 asks for a message every 30 s; longer pauses are gaps
+CLOCK_STEP_MS: Final = 1000  # smaller steps back are messages out of order
 ROWS_AT_A_TIME: Final = 8192  # rows held as Python objects
 
 
@@ -56,10 +57,11 @@ class LogCounts(NamedTuple):
 
     def sentences(self) -> list[str]:
         """What was read and what was wrong, as lines of a report."""
-        versions = ", ".join(f"{name} {many:,}" for name, many in self.versions.items() if name)
-        lines = [
-            f"{count(self.messages, 'message')}" + (f" of VDA 5050 {versions}" if versions else "")
-        ]
+        versions = [name for name in self.versions if name]
+        of = f" of VDA 5050 {', '.join(versions)}" if versions else ""
+        if len(self.versions) > 1:
+            of += f" ({', '.join(f'{many:,}' for many in self.versions.values())})"
+        lines = [f"{count(self.messages, 'message')}{of}"]
         if self.skipped:
             why = ", ".join(f"{name} {many:,}" for name, many in self.skipped.items())
             lines.append(f"{count(sum(self.skipped.values()), 'line')} skipped: {why}")
@@ -119,11 +121,11 @@ def read_log(paths: Iterable[Path], columns: Mapping[str, str] | None = None) ->
 def _ordered(arrays: dict[str, Array], names: LogNames, reader: LineReader) -> StateLog:
     """The log of rows in the order of their arrival."""
     arrays, doubled = _without_repetitions(arrays)
-    unordered, steps = _late_arrivals(arrays)
+    unordered, steps, missing = _arrivals(arrays)
     order = np.lexsort((arrays["header"], arrays["time"], arrays["robot"]))
     for name in FIELDS:
         arrays[name] = arrays[name][order]
-    header = arrays.pop("header")
+    del arrays["header"]
     samples = Samples(**arrays)
     if reader.counts_actions:
         samples = samples._replace(action_id=_counted_actions(samples))
@@ -133,15 +135,13 @@ def _ordered(arrays: dict[str, Array], names: LogNames, reader: LineReader) -> S
     usable = np.append(pair & ~gaps & (elapsed > 0), False)
     for robot, back_to, latest in steps:
         usable[_between(samples, robot, back_to, latest)] = False
-    known = pair & (header[1:] != NOT_NUMBERED) & (header[:-1] != NOT_NUMBERED)
-    lost = np.where(known & usable[:-1] | known & gaps, np.diff(header) - 1, 0)
     counts = LogCounts(
-        messages=len(header),
+        messages=len(order),
         lines=reader.lines,
         skipped=dict(reader.skipped),
         doubled=doubled,
         unordered=unordered,
-        missing=int(lost[lost > 0].sum()),
+        missing=missing,
         clock_steps=len(steps),
         gaps=int(gaps.sum()),
         versions=dict(reader.versions),
@@ -170,16 +170,23 @@ def _without_repetitions(arrays: dict[str, Array]) -> tuple[dict[str, Array], in
     return arrays, len(repeated)
 
 
-def _late_arrivals(arrays: dict[str, Array]) -> tuple[int, list[tuple[int, int, int]]]:
-    """The number of unordered rows, and for each step back of a clock its robot, stamp, and the stamp
-    before."""
+def _arrivals(arrays: dict[str, Array]) -> tuple[int, list[tuple[int, int, int]], int]:
+    """The number of unordered rows; robot, stamp, and the stamp before, of each step back of a clock;
+    and the number of missing messages."""
     order = np.argsort(arrays["robot"], kind="stable")
     robot, time, header = (arrays[name][order] for name in ("robot", "time", "header"))
-    back = np.flatnonzero((np.diff(robot) == 0) & (np.diff(time) < 0))
-    stepped = (header[back] != NOT_NUMBERED) & (header[back + 1] > header[back])
-    steps = back[stepped]
+    same, later = np.diff(robot) == 0, np.diff(time)
+    numbered = (header[1:] != NOT_NUMBERED) & (header[:-1] != NOT_NUMBERED)
+    stepped = same & numbered & (later < -CLOCK_STEP_MS) & (np.diff(header) > 0)
+    unordered = same & (later < 0) & ~stepped
+    steps = np.flatnonzero(stepped)
     rows = zip(robot[steps].tolist(), time[steps + 1].tolist(), time[steps].tolist(), strict=True)
-    return int(np.count_nonzero(~stepped)), list(rows)
+    # A robot that starts again begins with a low number. Between two starts each number is sent once.
+    begins = ~same | ~numbered | ((np.diff(header) < 0) & (later >= 0))
+    first = np.append(0, np.flatnonzero(begins) + 1)
+    sent = np.maximum.reduceat(header, first) - np.minimum.reduceat(header, first) + 1
+    rows_of_start = np.diff(first, append=len(header))
+    return int(np.count_nonzero(unordered)), list(rows), int((sent - rows_of_start).clip(0).sum())
 
 
 def _between(samples: Samples, robot: int, first: int, last: int) -> slice:

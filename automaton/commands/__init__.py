@@ -40,6 +40,10 @@ COMMANDS_BY_SUBJECT = {  # {name: (module with add_arguments(parser) and run(arg
     "one run": {
         "run": ("automaton.commands.run", "run a scenario and print its metrics"),
         "watch": ("automaton.commands.watch", "watch a scenario in the terminal"),
+        "log": (
+            "automaton.commands.log_command",
+            "make a recording from a log of real robots",
+        ),
         "replay": ("automaton.commands.replay", "view a recording, or compare two"),
         "explain": ("automaton.commands.explain", "explain why a robot waits at a tick"),
         "branch": (

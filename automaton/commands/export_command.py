@@ -44,7 +44,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--vda5050",
         type=Path,
         metavar="JSONL",
-        help="write VDA 5050 `state` messages: one line for each robot and period",
+        help="write VDA 5050 `state` messages: one line for each robot and period, or, with --on-events, "
+        "for each change of a robot's state",
     )
     formats.add_argument(
         "--lif", type=Path, metavar="LIF", help="write the floor of a scenario as VDMA LIF"
@@ -53,7 +54,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--every",
         type=measured("a time", "1s", exact_time),
         metavar="1s",
-        help="set the period of --vda5050 (default: 1 s, or one tick if a tick is longer)",
+        help="set the period of --vda5050 (default: 1 s, or one tick if a tick is longer); with "
+        "--on-events, the longest pause between two messages of a robot (default: 30 s)",
+    )
+    parser.add_argument(
+        "--on-events",
+        action="store_true",
+        help="with --vda5050: a robot sends a message when its state changes, as the standard demands",
     )
     parser.add_argument(
         "--version",
@@ -70,10 +77,12 @@ def run(args: argparse.Namespace) -> int:
     """Read the source and write the exported file."""
     if args.vda5050 is None and args.every is not None:
         raise InputError("--every needs --vda5050")
+    if args.vda5050 is None and args.on_events:
+        raise InputError("--on-events needs --vda5050")
     if args.lif is None and args.settings:
         raise InputError("--set needs --lif")
     if args.vda5050 is not None:
-        return export_trace(args.file, args.vda5050, args.every, args.version)
+        return export_trace(args.file, args.vda5050, args.every, args.version, args.on_events)
     if args.lif is not None:
         return export_layout(args.file, args.lif, args.version, args.settings)
     if args.version is not None:
@@ -102,7 +111,9 @@ def export_output(file: Path, out: Path) -> int:
     return 0
 
 
-def export_trace(file: Path, out: Path, every: Fraction | None, version: str | None) -> int:
+def export_trace(
+    file: Path, out: Path, every: Fraction | None, version: str | None, on_events: bool
+) -> int:
     """Export a recording as VDA 5050 messages."""
     from automaton.exports.vda5050_export import LATEST, VERSIONS, write_trace
 
@@ -111,7 +122,7 @@ def export_trace(file: Path, out: Path, every: Fraction | None, version: str | N
     check_writable(file, out)
     try:
         with atomic_writer(out) as stream:
-            size = write_trace(recording, stream, every, version)
+            size = write_trace(recording, stream, every, version, on_events)
     except InputError as error:
         raise error.at(str(file)) from None
     print(

@@ -39,5 +39,16 @@ CHANGE_LOAD_LEFT: Final = 7  # identity, spare slot in its cell that now holds i
 CHANGE_STATUS: Final = 8  # identity, status of the robot: STATUS_*
 CHANGE_VISITED: Final = 9  # identity, order of which it did the next stop
 CHANGE_DELAYED: Final = 10  # identity, ticks of the delay that begins in this tick
+# Only in observed runs (automaton.engine.observed_ticks): what the messages of a real robot say.
+CHANGE_SEEN_CELL: Final = (
+    11  # identity, the cell in which it is without a move; NIL: not on the floor
+)
+CHANGE_SEEN_HEADING: Final = 12  # identity, heading
+CHANGE_SEEN_CHARGE: Final = 13  # identity, units of charge
+CHANGE_SEEN_ORDER: Final = 14  # identity, order that it now works on, or NIL
+CHANGE_SEEN_LOAD: Final = 15  # identity, order of the load that it now carries, or NIL
+CHANGE_SEEN_GOAL: Final = 16  # identity, cell of its next operation, or NIL
+WAY_SHIFT: Final = 6  # EXECUTED_BLOCKED of an observed run: the direction in which it goes next
+WAY_MASK: Final = 3 << WAY_SHIFT
 
 KEYFRAME_TICKS: Final = 2048  # ticks between recorded states; the last state is recorded too

@@ -1,4 +1,5 @@
-"""A recorded run as a trace of VDA 5050: a line with a `state` message for each robot and period.
+"""A recorded run as a trace of VDA 5050: a line with a `state` message for each robot and period, or for
+each change of its state.
 
     {"headerId":0,"timestamp":"2026-03-02T06:00:00.000Z","version":"3.0.0", ...}
 
@@ -60,6 +61,7 @@ THETAS: Final = {
     2: (0.0, math.pi / 2),
     4: (0.0, -math.pi / 2, math.pi, math.pi / 2),
 }
+LONGEST_PAUSE: Final = Fraction(30)  # seconds between two messages of a robot
 EPOCH: Final = datetime.datetime(1970, 1, 1)
 
 
@@ -104,29 +106,75 @@ class TraceSize(NamedTuple):
 
 
 def write_trace(
-    recording: Recording, file: BinaryIO, every: Fraction | None = None, version: str = LATEST
+    recording: Recording,
+    file: BinaryIO,
+    every: Fraction | None = None,
+    version: str = LATEST,
+    on_events: bool = False,
 ) -> TraceSize:
     """Write a trace with a period of `every` seconds; None: at least 1 s in whole ticks.
 
-    Raises InputError if a tick is not a time, a cell has no size, or the recording was altered.
+    `on_events`: a robot also sends a message when its state changes, and the period, of 30 s if None, is
+    the longest pause between two. Raises InputError if a tick is not a time, a cell has no size, or the
+    recording was altered.
     """
     scenario = refined_data(recording.header["scenario"])
-    scale = scenario.units.scale
-    period = _period(every, scale.tick_seconds)
+    tick = scenario.units.scale.tick_seconds
+    period = _period(every, tick, LONGEST_PAUSE if on_events else Fraction(1))
     messages = Messages(recording, scenario, VERSIONS[version])
+    robots = len(recording.header["robots"]["cell"])
     encoder = msgspec.json.Encoder()
-    lines = 0
-    for number, sample in enumerate(StateTrace(recording, period)):
-        states = [encoder.encode(message) for message in messages.of(number, sample)]
-        file.write(b"\n".join([*states, b""]))
-        lines += len(states)
-    return TraceSize(len(recording.header["robots"]["cell"]), lines)
+    changes = StateChanges(robots, period)
+    for sample in StateTrace(recording, 1 if on_events else period):
+        sends = changes.sends(sample, messages.position) if on_events else changes.all_robots
+        states = [encoder.encode(message) for message in messages.of(changes.sent, sample, sends)]
+        file.write(b"\n".join([*states, b""]) if states else b"")
+        changes.sent += sends
+    return TraceSize(robots, int(changes.sent.sum()))
 
 
-def _period(every: Fraction | None, tick: Fraction) -> int:
-    """Ticks between two messages of a robot. Raises InputError if they are not a whole number."""
+class StateChanges:
+    """Which robots send a message, as the standard demands: those whose state has changed, and those
+    that have been silent for a period."""
+
+    def __init__(self, robots: int, period: int) -> None:
+        self.sent = np.zeros(robots, np.int64)  # number of messages of each robot so far
+        self.all_robots = np.ones(robots, np.bool_)
+        self._last = np.full(robots, -period, np.int64)  # tick of the last message
+        self._period = period
+        self._before: Array = np.zeros((0, robots), np.int64)
+
+    def sends(self, sample: Sample, position: Positions) -> Array:
+        """(n,) bool: which robots send a message after this tick."""
+        robots, index = sample.world.robots, sample.stored
+        acts = (robots.busy[index] > 0) & np.isin(robots.action[index], list(ACTION_TYPES))
+        state = np.array(
+            (
+                *(position.cells(sample.world, index), robots.order[index], robots.load[index]),
+                *(
+                    sample.moves - (robots.claim[index] != NIL),
+                    sample.driving,
+                    robots.status[index],
+                ),
+                *(np.where(acts, robots.action[index], 0), np.where(acts, sample.begun, 0)),
+                *(is_charging(robots)[index], robots.route_hash[index]),
+            ),
+            np.int64,
+        )
+        silent = sample.tick - self._last >= self._period
+        changes = silent if not len(self._before) else silent | (state != self._before).any(axis=0)
+        self._before, self._last = state, np.where(changes, sample.tick, self._last)
+        return changes
+
+
+def _period(every: Fraction | None, tick: Fraction, usual: Fraction) -> int:
+    """Ticks between two messages of a robot; `usual` seconds if `every` is None, at least a tick.
+
+    Raises InputError if `every` is not a whole number of ticks.
+    """
     if every is None:
-        return max(1, math.ceil(1 / tick))
+        ticks = usual / tick
+        return max(1, math.floor(ticks) if usual == LONGEST_PAUSE else math.ceil(ticks))
     if every % tick:
         lower = every // tick * tick
         near = " or ".join(f"{float(one):g} s" for one in (lower, lower + tick) if one)
@@ -152,8 +200,11 @@ class Messages:
         self.names = NodeNames(self.floor_plan)
         self.routes = [RouteAhead(self.names, self.floor_plan.offsets) for _ in range(robots)]
 
-    def of(self, number: int, sample: Sample) -> Iterator[dict[str, Any]]:
-        """Yield the message of each robot, by identity; `number`: number of earlier samples."""
+    def of(self, numbers: Array, sample: Sample, sends: Array) -> Iterator[dict[str, Any]]:
+        """Yield the messages of the robots that send one, by identity.
+
+        `numbers`: (n,) earlier messages of each robot; `sends`: (n,) bool.
+        """
         world: Any = sample.world
         robots, index = world.robots, sample.stored
         version, timestamp = self.version, self.time.text(sample.tick)
@@ -176,6 +227,8 @@ class Messages:
             strict=True,
         )
         for identity, column in enumerate(columns):
+            if not sends[identity]:
+                continue
             i, order, load, status, action, is_busy, begun, moves, cell, *others = column
             driving, columns_of_route, place, *power = others
             route = self.routes[identity]
@@ -183,7 +236,7 @@ class Messages:
             last, nodes, edges = route.ahead(robots, route_state)
             on_map = {} if place is None else {version.position: self._place(place)}
             yield {
-                "headerId": number,
+                "headerId": int(numbers[identity]),
                 "timestamp": timestamp,
                 "version": version.name,
                 "manufacturer": MANUFACTURER,

@@ -17,6 +17,7 @@ import numpy as np
 from automaton.engine.decision_stream import ReplayState, repeat
 from automaton.engine.digest import DIGEST_NAMES
 from automaton.engine.observation import Observation
+from automaton.engine.observed_ticks import enter_changes, show_ticks
 from automaton.engine.state import LAYER_NAMES, Array, Clock, World
 from automaton.errors import InputError
 from automaton.recording.contents import Content
@@ -78,7 +79,11 @@ class Playback:
         self._words = [np.zeros(FIRST_WORDS, np.int64)]
         self._fault: tuple[int, str] | None = None  # tick and message of an error in the recording
         self._loaded: int | None = None  # first tick of the frame in memory
+        self._observed = header.get("observed")
         self.simulation = self._simulation(self.frames.rules_at(0), None)
+        if self._observed is not None:
+            first = np.array(self._observed["first"], np.int64, order="C")
+            enter_changes(self.simulation.world, first, 0)
         world, observation = self.simulation.world, self.simulation.observation
         self.keyframes = Keyframes(world, observation) if keyframes is None else keyframes
 
@@ -124,9 +129,26 @@ class Playback:
         self._play(last)
 
     def _play(self, tick: int) -> None:
+        if self._observed is not None:
+            self._show(tick)
+            return
         self.simulation.run(until=tick)
         if self.tick < tick:
             self._fail(f"the run ends at tick {self.tick}, before its recording")
+
+    def _show(self, tick: int) -> None:
+        """Show the ticks of an observed run up to a tick, within the loaded frame."""
+        content = self.frames.ticks_with(tick)
+        assert content is not None, "it is loaded"
+        executed = np.array(content["executed"], np.uint16, order="C")
+        changes = np.array(content["changes"], np.int64, order="C")
+        simulation = self.simulation
+        while self.tick < tick:
+            show_ticks(
+                *(simulation.world, simulation.observation),
+                *(executed, changes, content["first"], tick),
+            )
+            self._on_observe(simulation)
 
     def _check(self, recorded: Array) -> None:
         """Raise InputError if the digest of the state differs from the recorded one."""
@@ -173,7 +195,7 @@ class Playback:
             on_observe=self._on_observe,
             strategies=[
                 None
-                if choice.name == NO_STRATEGY
+                if choice.name == NO_STRATEGY or self._observed is not None
                 else ReplayStrategy(layer, number, rules, self._words)
                 for number, (layer, choice) in enumerate(resolved.choices)
             ],

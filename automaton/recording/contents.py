@@ -24,6 +24,12 @@ from automaton.engine.record_codes import (
     CHANGE_LOAD_LEFT,
     CHANGE_ORDER_RESERVED,
     CHANGE_PICKED,
+    CHANGE_SEEN_CELL,
+    CHANGE_SEEN_CHARGE,
+    CHANGE_SEEN_GOAL,
+    CHANGE_SEEN_HEADING,
+    CHANGE_SEEN_LOAD,
+    CHANGE_SEEN_ORDER,
     CHANGE_SLOT_RESERVED,
     CHANGE_STATUS,
     CHANGE_VISITED,
@@ -31,7 +37,7 @@ from automaton.engine.record_codes import (
     EXECUTED_CODES,
     EXECUTED_VALUES,
 )
-from automaton.engine.state import STRATEGY_COUNT, Orders, Robots, World
+from automaton.engine.state import BATTERY_FULL, STRATEGY_COUNT, Orders, Robots, World
 from automaton.errors import InputError
 from automaton.floor.floor_plan import ALL_EXITS, CELL_KINDS
 from automaton.printable import cleaned
@@ -136,6 +142,14 @@ class _Frame(msgspec.Struct, forbid_unknown_fields=True):
     pass
 
 
+class _Observed(_Frame):
+    """Only observed runs have it: what messages of real robots showed, not a simulation."""
+
+    first: np.ndarray  # changes that make the state at tick 0
+    robots: _Labels  # their names
+    log: _Labels  # what was read and what was wrong with it
+
+
 class _Header(_Frame):
     scenario: msgspec.Raw
     seed: int
@@ -161,6 +175,7 @@ class _Header(_Frame):
     lines: _LINES | UnsetType = UNSET  # type: ignore[valid-type]
     pod_stations: _POD_STATIONS | UnsetType = UNSET  # type: ignore[valid-type]
     gates: _part("Gates", Gates.fields_where(IN_HEADER)) | UnsetType = UNSET  # type: ignore[valid-type]
+    observed: _Observed | UnsetType = UNSET
 
 
 class _Conditions(_Frame):
@@ -378,6 +393,7 @@ HEADER_ARRAYS: Final = {
     "lines.priority": Range("i2", ("lines",), -100, 101),
     "gates.first_closing": Range("i4", ("gates and one",), 0, MAX_NUMBER),
     "gates.closings": Range("i8", ("closings", 2), 0, 2 * MAX_NUMBER),
+    "observed.first": Range("i8", ("first changes", 4), -1, MAX_NUMBER),
 }
 CONDITIONS_ARRAYS: Final = {
     "period": Range("i4", (STRATEGY_COUNT,), 0, MAX_NUMBER),
@@ -484,7 +500,7 @@ def unpacked_ticks(content: Content, known: Mapping[str, int]) -> Content:
 
 def check_changes(changes: Array, sizes: Mapping[str, int]) -> None:
     """Check that changes name existing robots, orders and slots. Raises InvalidFrameError."""
-    robots, orders, slots = (sizes[name] for name in ("robots", "orders", "slots"))
+    robots, orders, slots, cells = (sizes[name] for name in ("robots", "orders", "slots", "cells"))
     limits = {
         CHANGE_ORDER_RESERVED: (orders, -1, robots),
         CHANGE_SLOT_RESERVED: (slots, -1, robots),
@@ -496,6 +512,12 @@ def check_changes(changes: Array, sizes: Mapping[str, int]) -> None:
         CHANGE_STATUS: (robots, 0, 7),
         CHANGE_VISITED: (robots, 0, orders),
         CHANGE_DELAYED: (robots, 1, MAX_NUMBER),
+        CHANGE_SEEN_CELL: (robots, -1, cells),
+        CHANGE_SEEN_HEADING: (robots, 0, 4),
+        CHANGE_SEEN_CHARGE: (robots, 0, BATTERY_FULL + 1),
+        CHANGE_SEEN_ORDER: (robots, -1, orders),
+        CHANGE_SEEN_LOAD: (robots, -1, orders),
+        CHANGE_SEEN_GOAL: (robots, -1, cells),
     }
     table = np.array([limits.get(code, (0, 0, 0)) for code in range(max(limits) + 1)], np.int64)
     code, subject, value = changes[:, 1:].T

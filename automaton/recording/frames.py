@@ -174,6 +174,19 @@ class Recording:
             return self.frames.last_tick
         return max((tick_of(kind, content) for kind, content in self.frames), default=0)
 
+    @property
+    def is_observed(self) -> bool:
+        """Whether it shows what real robots did: it has no decisions, and no rule applied."""
+        return "observed" in self.header
+
+    def check_simulated(self, what: str) -> None:
+        """Raise InputError for an observed run; `what` needs the decisions of a simulated one."""
+        if self.is_observed:
+            raise InputError(
+                f"{what} needs a simulated run; this is an observed run, made from a log of real "
+                "robots, which has no decisions"
+            )
+
     def stored(self) -> StoredFrames:
         """The frames as a sequence that finds ticks."""
         if isinstance(self.frames, StoredFrames):

@@ -265,6 +265,8 @@ class Admission:
         if ("gates" in header) and not self.scenario.floor.closed:
             raise InvalidFrameError("it has closed cells, but its scenario has none")
         check_arrays(header, HEADER_ARRAYS, sizes)
+        if "observed" in header:
+            check_changes(header["observed"]["first"], sizes)
         self._check_stops(header)
         self._check_trips(header)
         self.floor_plan = floor_plan_of(floor)

@@ -264,6 +264,17 @@ def run_once(
         wall = run_to_end(simulation, on_window, last_worked, until, sampling, watch, marks)
     if on_end is not None:
         on_end(simulation)
+    return outcome_of(simulation, last_worked, marks, wall, until)
+
+
+def outcome_of(
+    simulation: Simulation,
+    last_worked: Array,
+    marks: PeriodMarks,
+    wall: float | None = None,
+    until: int | None = None,
+) -> Outcome:
+    """The result of a run that is over. `last_worked`: (n,) tick in which each robot last worked."""
     orders = asked_orders(simulation.world)
     finished = is_finished(simulation)
     return Outcome(
@@ -287,9 +298,9 @@ def run_once(
         classes=metrics_by_class(simulation),
         uses=uses_of_run(simulation),
         periods=marks.periods(simulation),
-        by_period=marks.is_fixed and simulation.tick > every,
+        by_period=marks.is_fixed and simulation.tick > marks.ticks,
         deadlock=longest_deadlock(simulation),
-        illegal=illegal_decisions(simulation.world, resolved.floor_plan),
+        illegal=illegal_decisions(simulation.world, simulation.resolved.floor_plan),
     )
 
 

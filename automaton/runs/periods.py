@@ -95,24 +95,24 @@ class PeriodMarks:
 
     def __init__(self, ticks: int = 0) -> None:
         self.is_fixed = ticks > 0
-        self._ticks = ticks or FIRST_INTERVAL
+        self.ticks = ticks or FIRST_INTERVAL
         self._marks: list[Counted] = []
 
     def next_mark(self, tick: int) -> int:
         """The tick of the next mark after a tick."""
-        return (tick // self._ticks + 1) * self._ticks
+        return (tick // self.ticks + 1) * self.ticks
 
     def look(self, run: Measured) -> None:
         """Keep what a run has counted by now, if a period ends."""
         tick = int(run.world.clock.tick)
-        if tick % self._ticks or not tick:
+        if tick % self.ticks or not tick:
             return
         self._marks.append(counted(run))
         period = run.world.time_use.period
         period[0] = min(int(period[0]) + 1, MOST_PERIODS - 1)
         if not self.is_fixed and len(self._marks) > MAX_LOOKS:
-            self._ticks *= 2
-            self._marks = [one for one in self._marks if one.tick % self._ticks == 0]
+            self.ticks *= 2
+            self._marks = [one for one in self._marks if one.tick % self.ticks == 0]
 
     def ended(self, run: Measured) -> list[Period]:
         """The periods of a run that have ended."""

@@ -1,0 +1,222 @@
+"""A log of real robots as a recording: an observed run, which can be watched like a simulated one.
+
+It has the floor and the fleet of a scenario, and as orders the orders or the loads of the log, each
+released when it is first named. It has no decisions and no digests.
+"""
+
+from __future__ import annotations
+
+import datetime
+import re
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, Final, NamedTuple
+
+import msgspec
+import numpy as np
+
+from automaton.calibration.log_on_floor import placed
+from automaton.calibration.robot_timelines import (
+    Fleet,
+    Timeline,
+    Ways,
+    absent_robot,
+    rows_of_robots,
+    timeline_of,
+)
+from automaton.calibration.state_log import StateLog
+from automaton.engine.state import NIL, Array
+from automaton.errors import InputError
+from automaton.recording.observed_recorder import ObservedRecorder
+from automaton.runs.headless import Outcome, outcome_of
+from automaton.runs.periods import PeriodMarks
+from automaton.runs.simulation import Simulation
+from automaton.scenario.order_lines import plain_data
+from automaton.scenario.quantities import Scale
+from automaton.scenario.schema import LAYER_NAMES, Scenario
+from automaton.units import count
+from automaton.world.resolve import Resolved, choose_strategies
+
+MAX_TICKS: Final = 20_000_000
+MAX_ACTIONS: Final = 1_000_000_000  # ticks of all robots
+MAX_ORDERS: Final = 200_000
+# Checked by name, never asked.
+STRATEGIES: Final = {"allocation": "independent", "routing": "shortest", "right_of_way": "wait"}
+DAY_MS: Final = 86_400_000
+EPOCH: Final = datetime.datetime(1970, 1, 1)
+LEFT_OUT: Final = (  # of the scenario: what was not observed
+    *("pods", "faults", "streets", "floor", "areas", "world", "measure", "stations"),
+    *("refine", "decide", "information"),
+)
+
+
+class ObservedRun(NamedTuple):
+    """An observed run that was written."""
+
+    simulation: Simulation  # at its last tick
+    robots: int  # that sent messages
+    jumps: int  # messages that find a robot elsewhere than the last one leads
+    off_floor: int  # messages
+    left_out: int  # orders and loads beyond MAX_ORDERS
+
+    def outcome(self) -> Outcome:
+        """The metrics of the run, as those of a simulated one."""
+        simulation = self.simulation
+        return outcome_of(
+            simulation, np.zeros(len(simulation.world.robots.cell), np.int64), PeriodMarks()
+        )
+
+
+def write_observed_run(log: StateLog, resolved: Resolved, path: Path) -> ObservedRun:
+    """Write a log as a recording. Raises InputError."""
+    resolved = resolved.unrefined
+    place = placed(log, resolved.floor_plan, resolved.scenario.units)
+    begin, tick_ms = _time_of_tick_0(log, resolved.scenario.units.scale)
+    tick = np.rint((log.samples.time - begin) / tick_ms).astype(np.int64)
+    robots, ticks = resolved.scenario.fleet.robots, int(tick.max())
+    numbers = _numbers_of_robots(log, robots)
+    if ticks > MAX_TICKS or ticks * robots > MAX_ACTIONS:
+        days = (int(log.samples.time.max()) - begin) / DAY_MS
+        raise InputError(
+            f"the messages span {days:,.1f} days, more than an observed run holds; leave out those with "
+            "wrong stamps, or split the log"
+        )
+    demand = _demand_of(log, tick)
+    resolved = _observed(resolved, demand, log, begin)
+    turn = resolved.scenario.durations.turns[0]
+    ways = Ways(resolved.floor_plan)
+    fleet = Fleet(log, place, tick, demand.order, demand.load, ways, turn, max(ticks, 1))
+    lines = _timelines(fleet, numbers, robots)
+    changes = _sorted_changes([line.changes for line in lines])
+    at_start = np.searchsorted(changes[:, 0], 1)
+    observed = {
+        "first": changes[:at_start],
+        "robots": names_of(log, numbers, robots),
+        "log": tuple(log.counts.sentences()),
+    }
+    with ObservedRecorder(path, resolved, observed) as file:
+        file.write_ticks(np.stack([line.executed for line in lines], axis=1), changes[at_start:])
+    jumps = sum(line.jumps for line in lines)
+    return ObservedRun(file.shown, len(log.robots), jumps, place.off_floor, demand.left_out)
+
+
+def _time_of_tick_0(log: StateLog, scale: Scale) -> tuple[int, float]:
+    """The stamp of tick 0, and milliseconds in a tick: that of units.clock on the day of the log."""
+    first, tick_ms = int(log.samples.time.min()), float(1000 * scale.tick_seconds)
+    clock, begin = scale.clock, 0
+    if clock is not None:
+        days = 0 if clock.day is None else clock.day - EPOCH.toordinal()
+        begin = round(1000 * (clock.seconds - (clock.offset or 0))) + days * DAY_MS
+    if 0 <= first - begin < DAY_MS:
+        return begin, tick_ms
+    return first // 1000 * 1000, tick_ms
+
+
+def _numbers_of_robots(log: StateLog, robots: int) -> list[int]:
+    """The number in the run of each robot of the log: its name, if all are numbers of the fleet."""
+    if len(log.robots) > robots:
+        raise InputError(
+            f"the log has {count(len(log.robots), 'robot')}, but the scenario only {robots:,}; set "
+            f"fleet.robots={len(log.robots)}"
+        )
+    if all(
+        name.isdecimal() and int(name) < robots and name == str(int(name)) for name in log.robots
+    ):
+        return [int(name) for name in log.robots]
+    ranks = sorted(range(len(log.robots)), key=lambda one: _natural(log.robots[one]))
+    return [rank for _, rank in sorted(zip(ranks, range(len(ranks)), strict=True))]
+
+
+def _natural(name: str) -> list[Any]:
+    """A key that sorts "agv-10" behind "agv-9"."""
+    parts = re.split(r"([0-9]+)", name)
+    return [int(part) if number % 2 else part for number, part in enumerate(parts)]
+
+
+def names_of(log: StateLog, numbers: list[int], robots: int) -> tuple[str, ...]:
+    """The name of each robot of the run; "" for one that sends no message."""
+    names = dict(zip(numbers, log.robots, strict=True))
+    return tuple(names.get(number, "")[:100] for number in range(robots))
+
+
+class Demand(NamedTuple):
+    """The orders of a log, and its loads without orders, as orders of a run."""
+
+    release: Array  # (m,) tick in which each is first named
+    order: Array  # (n,) of each message, or NIL
+    load: Array  # (n,) likewise
+    left_out: int
+
+
+def _demand_of(log: StateLog, tick: Array) -> Demand:
+    """The orders of a run; a load that is carried for an order is the load of this order."""
+    samples = log.samples
+    order = samples.order.astype(np.int64) - 1
+    load = _known_before(samples.load, samples.robot).astype(np.int64) - 1
+    # A load belongs to the order for which it was taken up, also when its robot has another one.
+    begins = np.flatnonzero(np.diff(load, prepend=-2) | np.diff(samples.robot, prepend=NIL))
+    of_order = np.repeat(order[begins], np.diff(begins, append=len(load)))
+    load = np.where(load < 0, NIL, np.where(of_order != NIL, of_order, load + len(log.orders)))
+    both = np.concatenate((order, load))
+    named = np.unique(both)
+    first_ticks = np.full(len(log.orders) + len(log.loads), NIL, np.int64)
+    at = np.concatenate((tick, tick))
+    by_time = np.argsort(at, kind="stable")[::-1]
+    there = both[by_time] != NIL
+    first_ticks[both[by_time][there]] = at[by_time][there]  # the earliest is entered last
+    used = named[named != NIL]
+    used = used[np.argsort(first_ticks[used], kind="stable")]
+    number = np.full(len(first_ticks) + 1, NIL, np.int64)  # the last entry is that of NIL
+    number[used[:MAX_ORDERS]] = np.arange(len(used[:MAX_ORDERS]))
+    kept = used[:MAX_ORDERS]
+    return Demand(first_ticks[kept], number[order], number[load], len(used) - len(kept))
+
+
+def _known_before(values: Array, robot: Array) -> Array:
+    """(n,) the last known value up to each message of a robot; 0 before the first. NIL: not known."""
+    at = np.where(values != NIL, np.arange(len(values)), 0)
+    begins = np.flatnonzero(np.diff(robot, prepend=NIL))
+    at = np.maximum.accumulate(at)
+    first = np.repeat(begins, np.diff(begins, append=len(values)))
+    known: Array = np.where((at >= first) & (values[at] != NIL), values[at], 0)
+    return known
+
+
+def _observed(resolved: Resolved, demand: Demand, log: StateLog, begin: int) -> Resolved:
+    """The scenario of an observed run."""
+    data = {
+        key: value for key, value in plain_data(resolved.scenario).items() if key not in LEFT_OUT
+    }
+    x, y = resolved.floor_plan.xy(int(np.flatnonzero(resolved.floor_plan.drivable)[0]))
+    clock = EPOCH + datetime.timedelta(milliseconds=begin)
+    data["units"] = {**data["units"], "clock": clock.isoformat(" ", "seconds")}
+    data["orders"] = {
+        "list": [{"stops": [{"at": [x, y]}], "release": tick} for tick in demand.release.tolist()]
+    }
+    data["stop"] = {"when": "never", "max_duration": 2_000_000_000}
+    data["strategy"] = {**dict.fromkeys(LAYER_NAMES, "none"), **STRATEGIES}
+    for kind in data["fleet"].get("types", []):
+        kind.pop("strategy", None)
+    if not np.isfinite(log.samples.charge).any():
+        data.pop("battery", None)
+    scenario = msgspec.convert(data, Scenario)
+    strategies = choose_strategies(scenario, resolved.floor_plan)
+    return replace(
+        resolved, scenario=scenario, strategies=strategies, own_allocations=(), days=(), coarse=None
+    )
+
+
+def _timelines(fleet: Fleet, numbers: list[int], robots: int) -> list[Timeline]:
+    """The timeline of each robot of the run."""
+    lines = [absent_robot(fleet.ticks)] * robots
+    for number, rows in zip(numbers, rows_of_robots(fleet.log), strict=True):
+        lines[number] = timeline_of(fleet, rows)
+    return lines
+
+
+def _sorted_changes(changes: list[Array]) -> Array:
+    """(k, 4) rows (tick, code, robot, value), by tick and code."""
+    robots = np.repeat(np.arange(len(changes)), [len(rows) for rows in changes])
+    tick, code, value = np.concatenate(changes).T
+    order = np.lexsort((code, tick))
+    return np.stack((tick, code, robots, value), axis=1)[order]

@@ -1,0 +1,377 @@
+"""What each robot of a log did, tick by tick: moves, turns, picks, drops, stops, charging, waits.
+
+    messages:   A ------ A ------ between A and B ------ C        at the ticks of their stamps
+    timeline:   stands . | move to B .... | move to C .. |
+
+Between two messages a robot drives at constant speed along the shortest way if there is only one. Else
+it stands until the next message, which finds it elsewhere. A wait is a tick in which a robot with an
+order or a load stands and will drive on.
+"""
+
+from __future__ import annotations
+
+from bisect import bisect_left, bisect_right
+from collections import deque
+from collections.abc import Iterator, Sequence
+from itertools import pairwise
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from automaton.calibration.log_on_floor import Placed
+from automaton.calibration.state_log import StateLog
+from automaton.engine.record_codes import (
+    CHANGE_DURATION,
+    CHANGE_SEEN_CELL,
+    CHANGE_SEEN_CHARGE,
+    CHANGE_SEEN_GOAL,
+    CHANGE_SEEN_HEADING,
+    CHANGE_SEEN_LOAD,
+    CHANGE_SEEN_ORDER,
+    CHANGE_STATUS,
+    EXECUTED_BLOCKED,
+    EXECUTED_CHARGE,
+    EXECUTED_DROP,
+    EXECUTED_PICK,
+    EXECUTED_SERVE,
+    MOVE_EAST,
+    TURN_LEFT,
+    TURN_RIGHT,
+    WAY_SHIFT,
+)
+from automaton.engine.state import (
+    BATTERY_PERCENT,
+    NIL,
+    STATUS_FAILED,
+    STATUS_REMOVED,
+    STATUS_TOWED,
+    STATUS_UP,
+    Array,
+)
+from automaton.floor.floor_plan import FloorPlan
+
+MAX_WAY: Final = 64  # cells between two messages
+MAX_KNOWN_WAYS: Final = 100_000  # ways that stay in memory
+
+
+class Ways:
+    """The only shortest way between two cells, or None if there are several or none."""
+
+    def __init__(self, floor_plan: FloorPlan) -> None:
+        exits = floor_plan.exits.ravel().tolist()
+        self.offsets = floor_plan.offsets
+        self._next = [
+            tuple(cell + step for way, step in enumerate(self.offsets) if leave >> way & 1)
+            for cell, leave in enumerate(exits)
+        ]
+        for bay, home in floor_plan.bays.tolist():
+            self._next[bay], self._next[home] = (home,), (*self._next[home], bay)
+        self._known: dict[tuple[int, int], tuple[int, ...] | None] = {}
+
+    def between(self, one: int, other: int) -> tuple[int, ...] | None:
+        """The cells from one cell to another, both included."""
+        if one == other:
+            return (one,)
+        if other in self._next[one]:
+            return (one, other)
+        key = (one, other)
+        if key not in self._known:
+            if len(self._known) >= MAX_KNOWN_WAYS:
+                self._known.clear()
+            self._known[key] = self._search(one, other)
+        return self._known[key]
+
+    def _search(self, one: int, other: int) -> tuple[int, ...] | None:
+        """Breadth-first; a cell that is reached by two ways of one length has no only way."""
+        before, steps = {one: NIL}, {one: 0}
+        several: set[int] = set()
+        queue = deque([one])
+        while queue:
+            cell = queue.popleft()
+            if steps.get(other, MAX_WAY) <= steps[cell]:
+                break
+            for to in self._next[cell]:
+                if to not in steps:
+                    before[to], steps[to] = cell, steps[cell] + 1
+                    queue.append(to)
+                elif steps[to] == steps[cell] + 1:
+                    several.add(to)
+                if cell in several and before[to] == cell:
+                    several.add(to)
+        if other not in steps or other in several:
+            return None
+        way = [other]
+        while way[-1] != one:
+            way.append(before[way[-1]])
+        return tuple(reversed(way))
+
+    def direction(self, one: int, other: int) -> int:
+        """The direction from a cell towards another: of its neighbours the exact one."""
+        step = other - one
+        if step in self.offsets:
+            return self.offsets.index(step)
+        stride = self.offsets[1]
+        rows, columns = other // stride - one // stride, other % stride - one % stride
+        if abs(columns) >= abs(rows):
+            return 0 if columns > 0 else 2
+        return 1 if rows > 0 else 3
+
+
+class Fleet(NamedTuple):
+    """What the timelines of all robots need."""
+
+    log: StateLog
+    place: Placed
+    tick: Array  # (n,) of each message
+    order: Array  # (n,) order of the run that the robot works on, or NIL
+    load: Array  # (n,) order of the run whose load it carries, or NIL
+    ways: Ways
+    turn_ticks: int
+    ticks: int  # of the run
+
+
+class Timeline(NamedTuple):
+    """What a robot did."""
+
+    executed: Array  # (ticks + 1,) action that begins in each tick
+    changes: Array  # (k, 3) tick, code, value
+    jumps: int  # messages that find it elsewhere
+
+
+def timeline_of(fleet: Fleet, rows: slice) -> Timeline:
+    """The timeline of the robot with these messages, of which there is one at least."""
+    line = _Line(fleet, rows)
+    line.enter_states()
+    line.enter_moves()
+    line.enter_operations()
+    line.enter_turns()
+    line.enter_charging()
+    line.enter_goals()
+    line.enter_waits()
+    changes = np.array(line.changes, np.int64).reshape(-1, 3)
+    return Timeline(line.executed, changes, line.jumps)
+
+
+def absent_robot(ticks: int) -> Timeline:
+    """The timeline of a robot that sends no message."""
+    changes = np.array([(0, CHANGE_STATUS, STATUS_REMOVED), (0, CHANGE_SEEN_CELL, NIL)], np.int64)
+    return Timeline(np.zeros(ticks + 1, np.uint16), changes, 0)
+
+
+class _Line:
+    """The timeline of a robot in the making; arrays are (m,), of its messages."""
+
+    def __init__(self, fleet: Fleet, rows: slice) -> None:
+        samples, place = fleet.log.samples, fleet.place
+        ticks = fleet.tick[rows]
+        last = np.append(np.flatnonzero(np.diff(ticks)), len(ticks) - 1)  # of each tick
+        self.fleet, self.ways = fleet, fleet.ways
+        self.tick = ticks[last]
+        self.cell, self.to_cell, self.share, self.heading = (
+            array[rows][last] for array in place[:4]
+        )
+        stamps = samples.time[rows]
+        joined = fleet.log.usable[rows] | (np.diff(stamps, append=stamps[-1:]) == 0)
+        self.usable = np.logical_and.reduceat(joined, last)
+        self.down, self.action, self.action_id = (
+            getattr(samples, name)[rows][last] for name in ("down", "action", "action_id")
+        )
+        self.charge, self.charging = samples.charge[rows][last], samples.charging[rows][last]
+        self.order, self.load = fleet.order[rows][last], fleet.load[rows][last]
+        self.executed = np.zeros(fleet.ticks + 1, np.uint16)
+        self.free = np.ones(fleet.ticks + 1, np.bool_)  # ticks without an action
+        self.changes: list[tuple[int, int, int]] = []
+        self.jumps = 0
+        self.visits: list[tuple[int, int]] = []  # tick, cell: where it is from a tick on
+        self.moves: list[tuple[int, int]] = []  # first tick and direction of each move or jump
+        self.operations: list[tuple[int, int]] = []  # first and last tick
+
+    def begin(self, code: int, first: int, last: int) -> bool:
+        """Enter an action in the ticks from `first` to `last`, as far as they are free."""
+        ticks = np.flatnonzero(self.free[first : last + 1])
+        if first > last or not len(ticks):
+            return False
+        first += int(ticks[0])
+        taken = np.flatnonzero(~self.free[first : last + 1])
+        duration = int(taken[0]) if len(taken) else last + 1 - first
+        self.executed[first] = code
+        self.free[first : first + duration] = False
+        if duration > 1:
+            self.changes.append((first, CHANGE_DURATION, duration))
+        return True
+
+    def _rows_of_changes(self, code: int, values: Array, known: Array) -> None:
+        """Enter the messages in which a known value differs from the one before."""
+        at = np.flatnonzero(known)
+        new = at[np.append(True, np.diff(values[at]) != 0)] if len(at) else at
+        self.changes += [
+            (tick, code, value)
+            for tick, value in zip(self.tick[new].tolist(), values[new].tolist(), strict=True)
+        ]
+
+    def enter_states(self) -> None:
+        """Enter status, order, load, charge and heading."""
+        there, always = self.cell != NIL, np.ones(len(self.tick), np.bool_)
+        status = np.where(self.down, np.where(there, STATUS_FAILED, STATUS_TOWED), STATUS_UP)
+        self._rows_of_changes(CHANGE_STATUS, status, always)
+        self._rows_of_changes(CHANGE_SEEN_ORDER, self.order, always)
+        self._rows_of_changes(CHANGE_SEEN_LOAD, self.load, always)
+        self._rows_of_changes(CHANGE_SEEN_HEADING, self.heading, self.heading != NIL)
+        known = np.isfinite(self.charge)
+        units = np.rint(np.where(known, self.charge, 0).clip(0, 100) * BATTERY_PERCENT)
+        self._rows_of_changes(CHANGE_SEEN_CHARGE, units.astype(np.int64), known)
+
+    def enter_moves(self) -> None:
+        """Enter the moves between messages, and where the robot is found elsewhere."""
+        here, left, busy_until = NIL, 0.0, 0
+        before: tuple[int, int, float, float] | None = None  # cell, to_cell, share, tick
+        is_joined = False
+        at = zip(
+            *(one.tolist() for one in (self.tick, self.cell, self.to_cell, self.share)),
+            *(self.usable.tolist(), self.down.tolist()),
+            strict=True,
+        )
+        for tick, cell, to_cell, share, usable, down in at:
+            if cell == NIL:
+                if down and here != NIL:
+                    self._put(tick, NIL)
+                    here, before = NIL, None
+                continue
+            nodes = None
+            if before is not None and is_joined:
+                nodes = self._nodes(before[0], before[1], cell, to_cell)
+            if nodes is None:
+                if here != cell:
+                    self.jumps += here != NIL
+                    self._put(max(tick, busy_until), cell)
+                here, left = cell, tick
+            else:
+                assert before is not None
+                inner = nodes.index(cell, 1 if before[1] != NIL and len(nodes) > 1 else 0)
+                end = inner - before[2] + (share if to_cell != NIL else 0.0)
+                for number in range(1, inner + 1):
+                    part = (number - before[2]) / end if end > 0 else 1.0
+                    arrival = before[3] + part * (tick - before[3])
+                    begin = max(round(left), busy_until)
+                    busy_until = max(round(arrival), begin)
+                    self._move(begin, busy_until, nodes[number - 1], nodes[number])
+                    here, left = nodes[number], arrival
+            if to_cell == NIL:
+                left = tick
+            before, is_joined = (cell, to_cell, share if to_cell != NIL else 0.0, tick), usable
+
+    def _nodes(self, one: int, one_to: int, other: int, other_to: int) -> tuple[int, ...] | None:
+        """The cells that a robot passes between two messages, up to the cell of the second."""
+        if other == one and other_to in (one_to, NIL):
+            return (one,)
+        if one_to == NIL:
+            return self.ways.between(one, other)
+        rest = self.ways.between(one_to, other)
+        return None if rest is None else (one, *rest)
+
+    def _put(self, tick: int, cell: int) -> None:
+        """Enter that the robot is in a cell from a tick on, without a move."""
+        self.changes.append((tick, CHANGE_SEEN_CELL, cell))
+        if self.visits and cell != NIL and self.visits[-1][1] != NIL:
+            self.moves.append((tick, self.ways.direction(self.visits[-1][1], cell)))
+        self.visits.append((tick, cell))
+
+    def _move(self, begin: int, end: int, one: int, other: int) -> None:
+        """Enter a move in the ticks after `begin` up to `end`."""
+        if end <= begin or other - one not in self.ways.offsets or not self.free[begin + 1]:
+            self._put(end, other)  # faster than a cell in a tick
+            return
+        way = self.ways.direction(one, other)
+        if self.begin(MOVE_EAST + way, begin + 1, end):
+            self.moves.append((begin + 1, way))
+        self.visits.append((end, other))
+
+    def enter_operations(self) -> None:
+        """Enter picks, drops and stops; a load that comes or goes is a pick or a drop."""
+        ends = np.append(self.tick[1:], self.tick[-1] + 1)
+        runs = np.flatnonzero(np.diff(self.action_id, prepend=0))
+        for run, first in enumerate(runs.tolist()):
+            if not self.action[first]:
+                continue
+            last = int(runs[run + 1]) - 1 if run + 1 < len(runs) else len(ends) - 1
+            self.operations.append((int(self.tick[first]), int(ends[last]) - 1))
+        changed = np.flatnonzero(np.diff(self.load)) + 1
+        operation = np.searchsorted(
+            [one[0] for one in self.operations], self.tick[changed], "right"
+        )
+        for row, number in zip(changed.tolist(), operation.tolist(), strict=True):
+            tick = int(self.tick[row])
+            first, last = self.operations[number - 1] if number else (tick, NIL)
+            if last < tick - 1:  # the load changes without an action
+                first = last = tick
+            self.begin(EXECUTED_SERVE, first, tick - 1)
+            code = EXECUTED_DROP if self.load[row] == NIL else EXECUTED_PICK
+            self.begin(code, tick, max(tick, last))
+        for first_tick, last_tick in self.operations:
+            self.begin(EXECUTED_SERVE, first_tick, last_tick)
+
+    def enter_turns(self) -> None:
+        """Enter turns: the ticks before a message with another heading, in which the robot stands."""
+        known = np.flatnonzero((self.heading != NIL) & (self.cell != NIL))
+        for one, other in zip(known[:-1].tolist(), known[1:].tolist(), strict=True):
+            quarters = (int(self.heading[other]) - int(self.heading[one])) & 3
+            if quarters == 0 or self.cell[one] != self.cell[other]:
+                continue
+            end, ticks = int(self.tick[other]), self.fleet.turn_ticks * min(quarters, 4 - quarters)
+            taken = np.flatnonzero(~self.free[max(1, end - ticks + 1) : end + 1])
+            first = max(1, end - ticks + 1) + (int(taken[-1]) + 1 if len(taken) else 0)
+            self.begin(TURN_LEFT if quarters == 3 else TURN_RIGHT, first, end)
+
+    def enter_charging(self) -> None:
+        """Enter the free ticks in which the robot charges."""
+        ends = np.append(self.tick[1:], self.tick[-1] + 1)
+        for row in np.flatnonzero(self.charging == 1).tolist():
+            ticks = np.arange(self.tick[row], ends[row])
+            self._fill(ticks, np.full(len(ticks), EXECUTED_CHARGE, np.uint16))
+
+    def _fill(self, ticks: Array, codes: Array) -> None:
+        """Enter actions of one tick where ticks are free."""
+        open_ = self.free[ticks]
+        self.executed[ticks[open_]] = codes[open_]
+        self.free[ticks[open_]] = False
+
+    def enter_goals(self) -> None:
+        """Enter where the robot drives with its order: to its next operation, or where the order ends."""
+        begins = [first for first, _ in self.operations]
+        since, cells = zip(*self.visits, strict=True) if self.visits else ((0,), (NIL,))
+        for first, last, task in self._tasks():
+            if not task:
+                continue
+            inner = begins[bisect_left(begins, first) : bisect_left(begins, last)]
+            changes = zip([first, *(one + 1 for one in inner)], [*inner, last], strict=True)
+            self.changes += [
+                (tick, CHANGE_SEEN_GOAL, cells[max(0, bisect_right(since, goal) - 1)])
+                for tick, goal in changes
+            ]
+
+    def _tasks(self) -> Iterator[tuple[int, int, bool]]:
+        """First tick, end, and whether there is an order or a load, of each stretch with one order."""
+        begins = np.flatnonzero(np.diff(self.order, prepend=-2) | np.diff(self.load, prepend=-2))
+        firsts = [*self.tick[begins].tolist(), int(self.tick[-1])]
+        tasks = (self.order[begins] != NIL) | (self.load[begins] != NIL)
+        yield from zip(firsts[:-1], firsts[1:], tasks.tolist(), strict=True)
+
+    def enter_waits(self) -> None:
+        """Enter the ticks in which a robot with an order stands and will drive on."""
+        begins = np.array([tick for tick, _ in self.moves], np.int64)
+        ways = np.array([way for _, way in self.moves], np.int64)
+        ends = np.append(self.tick[1:], self.tick[-1] + 1)
+        for row in np.flatnonzero(self.down).tolist():
+            self.free[self.tick[row] : ends[row]] = False
+        for first, last, task in self._tasks():
+            ticks = np.arange(max(first, 1), last)
+            following = np.searchsorted(begins, ticks)
+            goes_on = (following < np.searchsorted(begins, last)) & task
+            codes = EXECUTED_BLOCKED | ways[following[goes_on]] << WAY_SHIFT
+            self._fill(ticks[goes_on], codes.astype(np.uint16))
+
+
+def rows_of_robots(log: StateLog) -> Sequence[slice]:
+    """The rows of each robot."""
+    firsts = np.searchsorted(log.samples.robot, np.arange(len(log.robots) + 1))
+    return [slice(int(one), int(other)) for one, other in pairwise(firsts)]

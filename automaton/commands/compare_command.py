@@ -19,6 +19,7 @@ from automaton.commands.arguments import (
     whole,
 )
 from automaton.commands.demand_mode import add_orders_arguments, order_columns
+from automaton.commands.log_command import columns
 from automaton.errors import InputError
 from automaton.scenario.orders import TransportColumns
 from automaton.units import count
@@ -34,6 +35,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "the log of a day: VDA 5050 state messages, one JSON object a line, or CSV; one LOG a day"
     )
     add("logs", nargs="+", type=Path, metavar="LOG", help=text)
+    add(
+        "--columns",
+        type=columns,
+        default={},
+        metavar="FIELD=NAME,...",
+        help="names of columns in CSV logs, such as robot=agv,time=stamp",
+    )
     text = (
         "the orders of the days: one file for all, or one for each LOG in their order (default: orders "
         "are recovered from the logs)"
@@ -67,9 +75,9 @@ def run(args: argparse.Namespace) -> int:
 
     base = resolve(args.scenario, args.settings, args.seed)
     print_warnings(base)
-    columns = order_columns(args, TransportColumns.__struct_encode_fields__)
+    named = order_columns(args, TransportColumns.__struct_encode_fields__)
     settings = tuple(args.settings)
-    site = Site(args.scenario, settings, args.seed, base, None, columns, args.order_time)
+    site = Site(args.scenario, settings, args.seed, base, args.columns, named, args.order_time)
     none: list[Path | None] = [None]
     of_log = [*orders] if len(orders) > 1 else [*(orders or none)] * len(args.logs)
     days = [read_day(site, log, file) for log, file in zip(args.logs, of_log, strict=True)]

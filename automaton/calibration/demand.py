@@ -190,7 +190,7 @@ def ties_are_rounded(times: Array, sizes: Array, counts: Array) -> bool:
     busy = counts[counts > 0].astype(float)
     expected = float((busy - slots * (1 - (1 - 1 / slots) ** busy)).sum())
     ties = int((sizes - 1).sum())
-    return ties <= expected + max(TIES_SIGMA * math.sqrt(expected), TIES_SHARE * sizes.sum())
+    return ties <= expected + max(TIES_SIGMA * math.sqrt(expected), TIES_SHARE * float(sizes.sum()))
 
 
 def fitted_batch(sizes: Array) -> Batch:

@@ -16,10 +16,11 @@ from automaton.errors import InputError, nearest
 CSV: tuple[str, ...] = (".csv",)
 
 
-def add_orders_arguments(parser: argparse.ArgumentParser, text: str) -> None:
+def add_orders_arguments(parser: argparse.ArgumentParser, text: str, several: bool = False) -> None:
     """The file of orders and how to read it: `orders`, `order_columns` and `order_time`."""
     add = parser.add_argument
-    add("--orders", type=Path, metavar="FILE", help=text)
+    action = "append" if several else "store"
+    add("--orders", type=Path, action=action, metavar="FILE", help=text)
     add(
         "--order-column",
         action="append",

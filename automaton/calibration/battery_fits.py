@@ -18,6 +18,7 @@ Array = np.ndarray[Any, Any]
 
 STATES: Final = ("move", "turn", "pick", "drop", "wait")
 WINDOWS_S: Final = (60.0, 3600.0)  # range of the length of windows
+COMMON: Final = 0.05  # share of messages in motion
 RESOLUTION_STEPS: Final = 50
 RESAMPLES: Final = 200
 TRIMS: Final = 2
@@ -122,8 +123,15 @@ def window_seconds(change: Array, seconds: Array) -> float:
 
 
 def window_begins(track: Track, length: float) -> Array:
-    """(n,) bool: messages at which windows begin, in motion: no operation belongs to two of them."""
-    candidates = np.flatnonzero(track.driving & ~track.acts)
+    """(n,) bool: messages at which windows begin, in motion and at the centre of a cell.
+
+    So no operation belongs to two windows, and no move of a simulated robot, which uses its energy as it
+    begins.
+    """
+    moving = track.driving & ~track.acts
+    at_centre = (track.column % 1 == 0) & (track.row % 1 == 0)
+    is_common = (moving & at_centre).sum() > COMMON * moving.sum()
+    candidates = np.flatnonzero(moving & at_centre if is_common else moving)
     number = np.floor(track.seconds[candidates] / length)
     is_new = np.append(True, (np.diff(number) != 0) | (np.diff(track.robot[candidates]) != 0))
     out = np.zeros(len(track.seconds), bool)

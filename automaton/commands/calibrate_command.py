@@ -119,7 +119,7 @@ def run(args: argparse.Namespace) -> int:
 def check_scipy() -> None:
     """Check that the extra is installed. Raises InputError."""
     try:
-        import scipy.stats  # noqa: F401
+        import scipy  # noqa: F401
     except ImportError as error:
         raise InputError(
             f"calibrate needs SciPy, which cannot be imported ({error}): "

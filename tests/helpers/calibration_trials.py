@@ -23,10 +23,12 @@ from disturbed_logs import disturb
 from automaton.calibration import duration_fits, site_fits
 from automaton.calibration.duration_fits import FAMILIES, Censored, fit_family
 from automaton.calibration.state_log import StateLog, read_log
+from automaton.engine.state import ACTION_SERVE
 from automaton.exports.vda5050_export import write_trace
 from automaton.recording.recorder import Recorder
 from automaton.recording.recording_reader import read_recording
 from automaton.runs.headless import run_once
+from automaton.runs.simulation import Simulation
 from automaton.world.resolve import resolve
 
 TICK_S = 0.5
@@ -121,11 +123,20 @@ DRAINS = {
 
 
 def log_of(site: DrawnSite, folder: Path) -> StateLog:
-    """Run a site, and read the disturbed messages of its robots."""
+    """Run a site, and read the disturbed messages of its robots.
+
+    The true mean of handling times becomes that of the shift.
+    """
     resolved = resolve(site.scenario)
     record, trace, noisy = (folder / name for name in ("run.rec", "trace.jsonl", "noisy.jsonl"))
+
+    def on_end(simulation: Simulation) -> None:
+        tally = simulation.world.tally
+        ticks, visits = (one[:, ACTION_SERVE].sum() for one in (tally.ticks, tally.operations))
+        site.truth["durations.handling"] = float(ticks / visits) * TICK_S
+
     with Recorder(record, resolved, resolved.scenario.seed) as on_record:
-        run_once(resolved, on_record)
+        run_once(resolved, on_record, on_end=on_end)
     with trace.open("wb") as file:
         write_trace(read_recording(record), file)
     disturb(trace, noisy, site.scenario["seed"])

@@ -3,7 +3,7 @@
     day         the largest standardized deviation of its quantities, against those of the runs: each run
                 is as likely as the day to have the largest, if the model is right
     band        mean of the runs +- the deviation that 95 % of days stay within, for all hours at once
-    quantity    Student's test of the relative differences of days; Holm over all tests of a comparison
+    quantity    Student's test of the relative differences of days; Holm over all quantities
     tolerance   two one-sided tests at 5 % (Schuirmann 1987): the 90 % interval lies within +- tolerance
 
 The p values of days are combined by Fisher's method. One day alone is judged by its band.
@@ -120,16 +120,19 @@ def agreement(days: Sequence[DayResult]) -> Agreement:
     bands = [day_band(day) for day in days]
     ratios = {name: relative_differences(days, name) for name in names}
     stretches = stretch_differences(days)
-    raw = [
-        combined([band.p for band in bands]),
+    quantities = [
         min((one.p for one in stretches), default=1.0),
         *(p_of_zero(ratios[name]) for name in names),
     ]
-    adjusted = holm(raw)
+    p_days = combined([band.p for band in bands])
+    if len(days) > 1:  # the bands cover all quantities, so they have half of the error
+        p_days, quantities = min(1.0, 2 * p_days), [min(1.0, 2 * p) for p in holm(quantities)]
     differences = [
-        difference(days, name, ratios[name], p) for name, p in zip(names, adjusted[2:], strict=True)
+        difference(days, name, ratios[name], p)
+        for name, p in zip(names, quantities[1:], strict=True)
     ]
-    return Agreement(verdict_of(adjusted, differences), bands, adjusted[0], differences, stretches)
+    verdict = verdict_of([p_days, *quantities], differences)
+    return Agreement(verdict, bands, p_days, differences, stretches)
 
 
 def verdict_of(adjusted: Sequence[float], differences: Sequence[Difference]) -> str:

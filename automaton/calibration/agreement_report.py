@@ -181,8 +181,8 @@ def verdict_word(one: Difference) -> str:
 def reading_lines(days: int) -> list[str]:
     """How to read the table of quantities."""
     lines = [
-        "difference: mean of (site / model - 1) over the days. p: adjusted for all tests of the page "
-        "(Holm); at most 0.05 is a difference. matches: the 90 % interval lies within the tolerance "
+        "difference: mean of (site / model - 1) over the days. p: adjusted for all tests of the page; "
+        "at most 0.05 is a difference. matches: the 90 % interval lies within the tolerance "
         "(two one-sided tests at 5 %)."
     ]
     return lines if days > 1 else [*lines, "With one day, only its band is tested."]

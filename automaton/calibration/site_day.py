@@ -222,7 +222,8 @@ def recovered_orders(
     complete = {}
     for code, ends in ends_of_orders(log, place):
         source = next((gives[cell] for cell in ends.picks if cell in gives), NIL)
-        target = next((takes[cell] for cell in ends.drops if cell in takes), NIL)
+        slots = (takes[cell] for cell in ends.drops if cell in takes)
+        target = next((slot for slot in slots if slot != source), NIL)
         if NIL not in (source, target):
             complete[code] = ends, list(floor_plan.xy(source)), list(floor_plan.xy(target))
     if len(complete) < MIN_RECOVERED * max(len(log.orders), 1):

@@ -12,7 +12,7 @@ The p values of days are combined by Fisher's method. One day alone is judged by
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, Final, NamedTuple
 
 import numpy as np
@@ -47,6 +47,12 @@ DIFFERS: Final = "differs"
 UNDECIDED: Final = "cannot be said"
 
 
+def mean_of(values: Iterable[float]) -> float:
+    """The mean of the values that are numbers; nan without any."""
+    known = [value for value in values if math.isfinite(value)]
+    return math.fsum(known) / len(known) if known else math.nan
+
+
 class DayResult(NamedTuple):
     """A day beside its runs."""
 
@@ -57,8 +63,7 @@ class DayResult(NamedTuple):
 
     def mean(self, quantity: str) -> float:
         """The mean of a quantity over the runs that have it."""
-        values = [run[quantity] for run in self.runs if math.isfinite(run[quantity])]
-        return float(np.mean(values)) if values else math.nan
+        return mean_of(run[quantity] for run in self.runs)
 
 
 class DayBand(NamedTuple):
@@ -214,8 +219,8 @@ def difference(
         needed = None if tolerance is None else days_needed(spread, tolerance)
         if tolerance is not None and -tolerance < interval.low and interval.high < tolerance:
             verdict = MATCHES
-    real = float(np.nanmean([day.real[name] for day in days]))
-    simulated = float(np.nanmean([day.mean(name) for day in days]))
+    real = mean_of(day.real[name] for day in days)
+    simulated = mean_of(day.mean(name) for day in days)
     return Difference(name, real, simulated, interval, p, tolerance, verdict, needed)
 
 

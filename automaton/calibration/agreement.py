@@ -3,7 +3,7 @@
     day         the largest standardized deviation of its quantities, against those of the runs: each run
                 is as likely as the day to have the largest, if the model is right
     band        mean of the runs +- the deviation that 95 % of days stay within, for all hours at once
-    quantity    Student's test of the relative differences of days; Holm over all tests of a comparison
+    quantity    Student's test of the relative differences of days; Holm over all quantities
     tolerance   two one-sided tests at 5 % (Schuirmann 1987): the 90 % interval lies within +- tolerance
 
 The p values of days are combined by Fisher's method. One day alone is judged by its band.
@@ -12,7 +12,7 @@ The p values of days are combined by Fisher's method. One day alone is judged by
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, Final, NamedTuple
 
 import numpy as np
@@ -47,6 +47,12 @@ DIFFERS: Final = "differs"
 UNDECIDED: Final = "cannot be said"
 
 
+def mean_of(values: Iterable[float]) -> float:
+    """The mean of the values that are numbers; nan without any."""
+    known = [value for value in values if math.isfinite(value)]
+    return math.fsum(known) / len(known) if known else math.nan
+
+
 class DayResult(NamedTuple):
     """A day beside its runs."""
 
@@ -57,8 +63,7 @@ class DayResult(NamedTuple):
 
     def mean(self, quantity: str) -> float:
         """The mean of a quantity over the runs that have it."""
-        values = [run[quantity] for run in self.runs if math.isfinite(run[quantity])]
-        return float(np.mean(values)) if values else math.nan
+        return mean_of(run[quantity] for run in self.runs)
 
 
 class DayBand(NamedTuple):
@@ -120,16 +125,19 @@ def agreement(days: Sequence[DayResult]) -> Agreement:
     bands = [day_band(day) for day in days]
     ratios = {name: relative_differences(days, name) for name in names}
     stretches = stretch_differences(days)
-    raw = [
-        combined([band.p for band in bands]),
+    quantities = [
         min((one.p for one in stretches), default=1.0),
         *(p_of_zero(ratios[name]) for name in names),
     ]
-    adjusted = holm(raw)
+    p_days = combined([band.p for band in bands])
+    if len(days) > 1:  # the bands cover all quantities, so they have half of the error
+        p_days, quantities = min(1.0, 2 * p_days), [min(1.0, 2 * p) for p in holm(quantities)]
     differences = [
-        difference(days, name, ratios[name], p) for name, p in zip(names, adjusted[2:], strict=True)
+        difference(days, name, ratios[name], p)
+        for name, p in zip(names, quantities[1:], strict=True)
     ]
-    return Agreement(verdict_of(adjusted, differences), bands, adjusted[0], differences, stretches)
+    verdict = verdict_of([p_days, *quantities], differences)
+    return Agreement(verdict, bands, p_days, differences, stretches)
 
 
 def verdict_of(adjusted: Sequence[float], differences: Sequence[Difference]) -> str:
@@ -211,8 +219,8 @@ def difference(
         needed = None if tolerance is None else days_needed(spread, tolerance)
         if tolerance is not None and -tolerance < interval.low and interval.high < tolerance:
             verdict = MATCHES
-    real = float(np.nanmean([day.real[name] for day in days]))
-    simulated = float(np.nanmean([day.mean(name) for day in days]))
+    real = mean_of(day.real[name] for day in days)
+    simulated = mean_of(day.mean(name) for day in days)
     return Difference(name, real, simulated, interval, p, tolerance, verdict, needed)
 
 

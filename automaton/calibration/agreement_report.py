@@ -32,7 +32,6 @@ from automaton.documents.report_document import (
     Heading,
     HeatMap,
     Listed,
-    Panels,
     ReportCurve,
     ReportDocument,
     Table,
@@ -49,9 +48,11 @@ SHARES: Final = (ORDER_SHARE, EMPTY_SHARE)
 def agreement_document(name: str, compared: Compared, notes: Sequence[str]) -> ReportDocument:
     """The comparison as a document."""
     result, days = compared.agreement, compared.days
-    document = ReportDocument(f"{name}: does the model match the site?")
+    title = f"{name}: does the model match the site?"
+    document = ReportDocument(title)
     runs = count(len(days[0].runs), "run")
     document.add(
+        Heading(title, 1),
         Heading("Verdict"),
         Text(verdict_sentence(compared), strong=True),
         Listed(list(reasons(compared))),
@@ -60,11 +61,11 @@ def agreement_document(name: str, compared: Compared, notes: Sequence[str]) -> R
         Listed(reading_lines(len(days)), mark=""),
         Heading("Days"),
         day_table(compared),
-        hour_chart(compared),
+        *hour_chart(compared),
     )
     if result.stretches:
         document.add(Heading("Where robots spend more or less time"), stretch_table(compared))
-        document.add(seconds_map(compared))
+        document.add(*seconds_maps(compared))
     document.add(
         Heading("How it was compared"),
         Text(
@@ -102,7 +103,7 @@ def first_text(compared: Compared) -> str:
     number, quantity = first
     day = compared.days[number]
     if not quantity.startswith(HOUR):
-        return f", first on {day.name} in {shown_name(compared, quantity)}"
+        return f", first on {day.name} in {plain_name(compared, quantity)}"
     return f", first on {day.name} at {hour_name(day, int(quantity.removeprefix(HOUR)))}"
 
 
@@ -114,7 +115,7 @@ def reasons(compared: Compared) -> Iterator[str]:
         of_days = f"{outside:,} of {count(len(days), 'day')}"
         yield f"{of_days} outside the band of the runs ({_p(result.p_days)})"
     yield from (
-        f"{shown_name(compared, one.quantity)} differs by {100 * one.relative:+.1f} % ({_p(one.p)})"
+        f"{plain_name(compared, one.quantity)} differs by {100 * one.relative:+.1f} % ({_p(one.p)})"
         for one in result.differences
         if one.p <= ERROR
     )
@@ -124,7 +125,7 @@ def reasons(compared: Compared) -> Iterator[str]:
             f"robots spend {one.real - one.simulated:+,.0f} s a day on {place_of(compared, one.stretch)} "
             f"({_p(one.p)})"
         )
-    for difference in judged(result):
+    for difference in judged(result) if result.verdict != MATCHES else ():
         within = f"within {percent(difference.tolerance or 0, 0)}"
         if difference.verdict == MATCHES:
             yield f"{difference.quantity} matches {within}"
@@ -148,7 +149,7 @@ def _p(p: float) -> str:
 
 def quantity_table(compared: Compared) -> Table:
     """Each quantity of the site and of the model."""
-    heads = ["", "site", "model", "difference", "90 % low", "high", "tolerance", "p", "verdict"]
+    heads = ["", "site", "model", "diff.", "90 % low", "high", "p", "verdict"]
     rows = []
     for one in compared.agreement.differences:
         ends = ["-"] * 3
@@ -161,29 +162,29 @@ def quantity_table(compared: Compared) -> Table:
             ends = [f"{100 * end:+.1f} %" for end in bounds]
         elif one.interval is not None:
             ends = [f"{100 * one.interval.value:+.1f} %", "-", "-"]
-        tolerance = "-" if one.tolerance is None else f"± {percent(one.tolerance, 0)}"
         name = shown_name(compared, one.quantity)
         numbers = [shown(one.quantity, value) for value in (one.real, one.simulated)]
         p = f"{one.p:.3f}" if len(compared.days) > 1 else "-"
-        rows.append([name, *numbers, *ends, tolerance, p, verdict_word(one)])
+        rows.append([name, *numbers, *ends, p, verdict_word(one)])
     return Table(heads, rows, also_left=(len(heads) - 1,))
 
 
 def verdict_word(one: Difference) -> str:
     """The verdict on a quantity in a table."""
-    if one.verdict == MATCHES:
-        return "matches, but differs" if one.p <= ERROR else MATCHES
-    if one.verdict == DIFFERS:
+    if one.verdict == DIFFERS or (one.p <= ERROR and one.verdict != MATCHES):
         return DIFFERS
-    return "-" if one.tolerance is None else "cannot be said"
+    if one.tolerance is None:
+        return "-"
+    within = f"± {percent(one.tolerance, 0)}"
+    return f"{MATCHES} {within}" if one.verdict == MATCHES else f"open {within}"
 
 
 def reading_lines(days: int) -> list[str]:
     """How to read the table of quantities."""
     lines = [
-        "difference: mean of (site / model - 1) over the days. p: adjusted for all tests of the page "
-        "(Holm); at most 0.05 is a difference. matches: the 90 % interval lies within the tolerance "
-        "(two one-sided tests at 5 %)."
+        "diff.: mean of (site / model - 1) over the days. p: adjusted for all tests of the page; at most "
+        "0.05 is a difference. matches: the 90 % interval lies within the tolerance (two one-sided tests "
+        "at 5 %); open: it does not."
     ]
     return lines if days > 1 else [*lines, "With one day, only its band is tested."]
 
@@ -194,6 +195,11 @@ def shown_name(compared: Compared, quantity: str) -> str:
         x, y = compared.floor_plan.xy(compared.busiest[int(quantity.removeprefix(HEADWAY))])
         return f"headway at [{x}, {y}], s"
     return quantity if quantity in (*SHARES, ORDERS_AN_HOUR) else f"{quantity}, s"
+
+
+def plain_name(compared: Compared, quantity: str) -> str:
+    """The name of a quantity in a sentence."""
+    return shown_name(compared, quantity).removesuffix(", s")
 
 
 def shown(quantity: str, value: float) -> str:
@@ -227,19 +233,17 @@ def hour_name(day: DayResult, number: int) -> str:
     return f"{EPOCH + datetime.timedelta(milliseconds=day.begin, hours=number):%H:%M}"
 
 
-def hour_chart(compared: Compared) -> Panels:
-    """Orders by hour of the first day outside its band, else of the first day."""
+def hour_chart(compared: Compared) -> Iterator[Curves]:
+    """Orders by hour of the first day outside its band, else of the first day, if it has several."""
     first = compared.agreement.first
     number = 0 if first is None else first[0]
     day, band = compared.days[number], compared.agreement.bands[number]
     x, (real, mean, low, high) = range(len(band.hours)), band.hours.T.tolist()
     lines = [ReportCurve("site", x, real, real, real), ReportCurve("model", x, mean, low, high)]
-    names = [hour_name(day, number) for number in x]
     title = f"Orders by hour on {day.name}, and the 95 % band of the runs for all hours at once"
-    chart = Curves(
-        day.name, "hour", "orders", lines, x_names=names, from_zero=True, is_in_order=True
-    )
-    return Panels(title, [chart])
+    if len(x) > 1:
+        names = [hour_name(day, hour) for hour in x]
+        yield Curves(title, "hour", "orders", lines, names, from_zero=True, is_in_order=True)
 
 
 def stretch_table(compared: Compared) -> Table:
@@ -264,18 +268,18 @@ def place_of(compared: Compared, stretch: int) -> str:
     return f"{ends[0]} to {ends[1]}" if len(cells) > 1 else f"{ends[0]}"
 
 
-def seconds_map(compared: Compared) -> HeatMap:
-    """Robot seconds a day in each cell of a stretch, real minus simulated."""
+def seconds_maps(compared: Compared) -> Iterator[HeatMap]:
+    """Where robots spend more time at the site than in the model, and where less, cell by cell."""
     floor_plan, stretch_of = compared.floor_plan, compared.stretch_of
-    apart = {one.stretch: one.real - one.simulated for one in compared.agreement.stretches}
     sizes = np.bincount(stretch_of[stretch_of != NIL])
-    field = np.full(len(stretch_of), math.nan)
-    field[floor_plan.drivable.ravel()] = 0.0
-    for stretch, seconds in apart.items():
-        field[stretch_of == stretch] = seconds / sizes[stretch]
-    inner = field.reshape(floor_plan.kind.shape)[1:-1, 1:-1]
-    note = "mean over the cells of a stretch"
-    return HeatMap("Robot time, site minus model", "seconds a day", inner, note)
+    apart = np.where(floor_plan.drivable.ravel(), 0.0, math.nan)
+    for one in compared.agreement.stretches:
+        apart[stretch_of == one.stretch] = (one.real - one.simulated) / sizes[one.stretch]
+    for word, sign in (("more", 1), ("less", -1)):
+        field = np.maximum(sign * apart, 0).reshape(floor_plan.kind.shape)[1:-1, 1:-1]
+        title = f"Where robots spend {word} time at the site than in the model"
+        if np.nanmax(field) > 0:
+            yield HeatMap(title, "seconds a day", field, "Mean over the cells of a stretch")
 
 
 def agreement_record(name: str, compared: Compared, notes: Sequence[str]) -> dict[str, Any]:

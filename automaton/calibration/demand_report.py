@@ -41,6 +41,7 @@ def demand_document(demand: Demand, source: str, week: str) -> ReportDocument:
     document = ReportDocument(f"Demand of {source}")
     total = int(demand.counts.sum())
     document.add(
+        Heading(document.title, 1),
         Text(
             f"{count(total, 'order')} on {count(demand.days, 'day')} from {demand.begin:%Y-%m-%d}; "
             f"{demand.rates.min():,.4g} to {demand.rates.max():,.4g} orders an hour of the week.",

@@ -146,7 +146,10 @@ def measured(trace: FleetTrace, plan: MeasurePlan) -> dict[str, float]:
         DROP_TIME: standing_time(trace, dwell, trace.load[:-1] & ~trace.load[1:]),
         EMPTY_SHARE: float((moved & ~trace.load[1:]).sum() / entries) if entries else np.nan,
         **{f"{HOUR}{k}": float(many) for k, many in enumerate(hours[: trace.hours].tolist())},
-        **{f"{HEADWAY}{k}": headway(trace, moved, cell) for k, cell in enumerate(plan.busiest)},
+        **{
+            f"{HEADWAY}{k}": headway(moved, trace.cell[1:], cell, trace.period)
+            for k, cell in enumerate(plan.busiest)
+        },
         **{f"{STRETCH}{k}": many * trace.period for k, many in enumerate(seconds[1:].tolist())},
     }
 
@@ -187,10 +190,10 @@ def standing_time(trace: FleetTrace, dwell: Array, changes: Array) -> float:
     return float(rows[: (len(rows) + 1) // 2].mean()) * trace.period
 
 
-def headway(trace: FleetTrace, moved: Array, cell: int) -> float:
-    """The median time between two entries of robots into a cell, in seconds."""
-    rows = np.nonzero(moved & (trace.cell[1:] == cell))[0]
-    return float(np.median(np.diff(rows))) * trace.period if len(rows) >= MIN_ENTRIES else np.nan
+def headway(moved: Array, into: Array, cell: int, period: float) -> float:
+    """The mean time between two entries of robots into a cell, in seconds."""
+    rows = np.nonzero(moved & (into == cell))[0]
+    return float(np.diff(rows).mean()) * period if len(rows) >= MIN_ENTRIES else np.nan
 
 
 def entries_of(trace: FleetTrace, cells: int) -> Array:

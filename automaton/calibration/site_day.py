@@ -1,7 +1,8 @@
 """A day of a site: its log as a trace, and the scenario with the orders of that day.
 
 The orders come from a file, or from the log: an order is released when its robot takes it, begins where
-its load appears and ends where it disappears.
+its load appears and ends where it disappears. Orders taken shortly before the end of the log are left
+out: those of them that the log shows to the end are the quick ones.
 """
 
 from __future__ import annotations
@@ -32,6 +33,7 @@ from automaton.world.resolved import Resolved
 Array = np.ndarray[Any, Any]
 
 MIN_RECOVERED: Final = 0.8  # of the orders of a log
+TAIL_SHARE: Final = 0.95  # of the orders; twice their longest time is left out before the end
 MAX_DAY_S: Final = 26 * 3600
 OPTIONS: Final = ("file", "sheet", "where", "encoding")  # that decide which rows a file has
 EPOCH: Final = datetime.datetime(1970, 1, 1)
@@ -216,35 +218,42 @@ def recovered_orders(
     log: StateLog, place: Placed, floor_plan: FloorPlan, begin: int, tick: float, file: str
 ) -> DayOrders:
     """The orders that a log shows from their beginning to their end. Raises InputError for too few."""
-    slots = slots_at(floor_plan)
+    gives, takes = slots_at(floor_plan)
+    complete = {}
+    for code, ends in ends_of_orders(log, place):
+        source = next((gives[cell] for cell in ends.picks if cell in gives), NIL)
+        slots = (takes[cell] for cell in ends.drops if cell in takes)
+        target = next((slot for slot in slots if slot != source), NIL)
+        if NIL not in (source, target):
+            complete[code] = ends, list(floor_plan.xy(source)), list(floor_plan.xy(target))
+    if len(complete) < MIN_RECOVERED * max(len(log.orders), 1):
+        share = percent(len(complete) / max(len(log.orders), 1), 0)
+        text = f"shows both ends of only {share} of its orders"
+        raise InputError(f"{text}; name the file of orders by --orders", file)
+    longest = np.quantile([ends.done - ends.taken for ends, *_ in complete.values()], TAIL_SHARE)
+    last = int(log.samples.time.max()) - 2 * longest
     entries: list[dict[str, Any]] = []
     number_of = np.full(len(log.orders) + 1, NIL)
-    taken: list[tuple[int, int, tuple[int, int], tuple[int, int]]] = []
-    for code, ends in ends_of_orders(log, place):
-        source = next((slots[0][cell] for cell in ends.picks if cell in slots[0]), NIL)
-        target = next((slots[1][cell] for cell in ends.drops if cell in slots[1]), NIL)
-        if source != NIL and target != NIL:
-            taken.append((ends.taken, code, floor_plan.xy(source), floor_plan.xy(target)))
-    for number, (at, code, source_xy, target_xy) in enumerate(sorted(taken)):
-        number_of[code] = number
-        release = max(0, math.floor((at - begin) / 1000 / tick))
-        entries.append({"from": list(source_xy), "to": list(target_xy), "release": release})
-    if len(entries) < MIN_RECOVERED * max(len(log.orders), 1):
-        share = percent(len(entries) / max(len(log.orders), 1), 0)
-        raise InputError(
-            f"shows both ends of only {share} of its orders; name the file of orders by --orders",
-            file,
-        )
+    for code, (ends, source_xy, target_xy) in sorted(
+        complete.items(), key=lambda item: item[1][0].taken
+    ):
+        if ends.taken <= last:
+            number_of[code] = len(entries)
+            release = max(0, math.floor((ends.taken - begin) / 1000 / tick))
+            entries.append({"from": source_xy, "to": target_xy, "release": release})
+    if not entries:
+        raise InputError("is too short: no order is done well before its end", file)
     notes = [f"{count(len(entries), 'order')} recovered, each released when a robot takes it"]
     if left := len(log.orders) - len(entries):
-        notes.append(f"{count(left, 'order')} left out, as the log does not show both ends")
+        notes.append(f"{count(left, 'order')} left out: they cross the start, or come near the end")
     return DayOrders({"list": entries}, number_of, np.zeros(0), tuple(notes))
 
 
 class OrderEnds(NamedTuple):
-    """When an order was taken, and cells where its load may have appeared and disappeared."""
+    """When an order was taken and done, and cells where its load may have appeared and disappeared."""
 
     taken: int  # milliseconds since 1970
+    done: int
     picks: tuple[int, ...]
     drops: tuple[int, ...]
 
@@ -267,8 +276,9 @@ def ends_of_orders(log: StateLog, place: Placed) -> Iterator[tuple[int, OrderEnd
             code - 1,
             OrderEnds(
                 int(samples.time[own[0]]),
+                int(samples.time[after]),
                 cells_at(log, place, before, first_loaded),
-                cells_at(log, place, last, after),
+                cells_at(log, place, last, after, int(samples.action[first_loaded])),
             ),
         )
 
@@ -278,13 +288,16 @@ def is_pair(log: StateLog, before: int, after: int) -> bool:
     return after == before + 1 and bool(log.samples.robot[before] == log.samples.robot[after])
 
 
-def cells_at(log: StateLog, place: Placed, before: int, after: int) -> tuple[int, ...]:
+def cells_at(
+    log: StateLog, place: Placed, before: int, after: int, other: int = 0
+) -> tuple[int, ...]:
     """The cells where a load may have changed between two messages, the likeliest first.
 
     These are the cells of a running action, then those where the robot stands, then those on its way.
+    `other`: an action that is not the one sought.
     """
     rows = (before, after)
-    acting = [place.cell[row] for row in rows if log.samples.action[row]]
+    acting = [place.cell[row] for row in rows if log.samples.action[row] not in (0, other)]
     standing = [place.cell[row] for row in rows if place.to_cell[row] == NIL]
     on_way = (place.to_cell[before], place.cell[after], place.cell[before])
     return tuple(map(int, (*acting, *standing, *on_way)))

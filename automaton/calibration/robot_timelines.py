@@ -18,7 +18,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from automaton.calibration.log_on_floor import Placed
+from automaton.calibration.log_on_floor import Placed, standable
 from automaton.calibration.state_log import StateLog
 from automaton.engine.record_codes import (
     CHANGE_DURATION,
@@ -53,6 +53,7 @@ from automaton.engine.state import (
 from automaton.floor.floor_plan import FloorPlan
 
 MAX_WAY: Final = 64  # cells between two messages
+MAX_SPEED: Final = 3  # times the speed in the scenario; a longer way was another one
 MAX_KNOWN_WAYS: Final = 100_000  # ways that stay in memory
 
 
@@ -61,7 +62,7 @@ class Ways:
 
     def __init__(self, floor_plan: FloorPlan) -> None:
         exits = floor_plan.exits.ravel().tolist()
-        self.offsets = floor_plan.offsets
+        self.offsets, self._stands = floor_plan.offsets, standable(floor_plan).tolist()
         self._next = [
             tuple(cell + step for way, step in enumerate(self.offsets) if leave >> way & 1)
             for cell, leave in enumerate(exits)
@@ -70,12 +71,14 @@ class Ways:
             self._next[bay], self._next[home] = (home,), (*self._next[home], bay)
         self._known: dict[tuple[int, int], tuple[int, ...] | None] = {}
 
-    def between(self, one: int, other: int) -> tuple[int, ...] | None:
-        """The cells from one cell to another, both included."""
-        if one == other:
-            return (one,)
-        if other in self._next[one]:
-            return (one, other)
+    def between(self, one: int, other: int, most: float) -> tuple[int, ...] | None:
+        """The cells from one cell to another, both included, if they are `most` cells apart at most."""
+        way = (one,) if one == other else self._way(one, other)
+        return None if way is None or len(way) - 1 > most else way
+
+    def _way(self, one: int, other: int) -> tuple[int, ...] | None:
+        if other - one in self.offsets and self._stands[one] and self._stands[other]:
+            return (one, other)  # also against a one-way street: real robots may
         key = (one, other)
         if key not in self._known:
             if len(self._known) >= MAX_KNOWN_WAYS:
@@ -241,7 +244,8 @@ class _Line:
                 continue
             nodes = None
             if before is not None and is_joined:
-                nodes = self._nodes(before[0], before[1], cell, to_cell)
+                most = 1 + MAX_SPEED * (tick - before[3]) / min(self.fleet.move_ticks)
+                nodes = self._nodes(before[0], before[1], cell, to_cell, most)
             if nodes is None:
                 if here != cell:
                     self.jumps += here != NIL
@@ -267,15 +271,20 @@ class _Line:
             if to_cell == NIL:
                 stood = before is not None and before[:2] == (cell, NIL)
                 left = tick
+            elif stood:
+                begin = tick - share * self.fleet.move_ticks[is_loaded]
+                left, stood = max(left, min(begin, tick - 1)), False
             before, is_joined = (cell, to_cell, share if to_cell != NIL else 0.0, tick), usable
 
-    def _nodes(self, one: int, one_to: int, other: int, other_to: int) -> tuple[int, ...] | None:
+    def _nodes(
+        self, one: int, one_to: int, other: int, other_to: int, most: float
+    ) -> tuple[int, ...] | None:
         """The cells that a robot passes between two messages, up to the cell of the second."""
         if other == one and other_to in (one_to, NIL):
             return (one,)
         if one_to == NIL:
-            return self.ways.between(one, other)
-        rest = self.ways.between(one_to, other)
+            return self.ways.between(one, other, most)
+        rest = self.ways.between(one_to, other, most)
         return None if rest is None else (one, *rest)
 
     def _put(self, tick: int, cell: int) -> None:
@@ -309,7 +318,7 @@ class _Line:
         latest = np.searchsorted(firsts, self.tick[changed], "right")
         for row, number in zip(changed.tolist(), latest.tolist(), strict=True):
             tick, load = int(self.tick[row]), int(self.load[row])
-            if row:
+            if row and not self.down[row]:  # a robot that is towed loses its load
                 first, last = self.operations[number - 1] if number else (tick, NIL)
                 tick = self._handle(tick, first, last, load)
             self.changes.append((tick, CHANGE_SEEN_LOAD, load))

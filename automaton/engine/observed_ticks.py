@@ -68,9 +68,12 @@ def show_ticks(world, observation, executed, changes, first, until):
     """Go to tick `until`, or to the tick in which the buffers of the observation are full.
 
     executed: (T, n) actions from tick `first` on, by identity. changes: rows (tick, code, identity,
-    value), sorted by tick.
+    value), sorted by tick. With `first` 0, only the changes of tick 0 are entered.
     """
     clock, robots, traffic = world.clock, world.robots, world.traffic
+    if first == 0:
+        enter_changes(world, changes, 0)
+        return
     row = np.int64(0)
     while row < changes.shape[0] and changes[row, 0] <= clock.tick:
         row += 1

@@ -19,7 +19,7 @@ import numpy as np
 from automaton.atomic_write import put_in_place
 from automaton.engine.decision_stream import words_until
 from automaton.engine.digest import DIGEST_NAMES
-from automaton.engine.observed_ticks import enter_changes, show_ticks
+from automaton.engine.observed_ticks import show_ticks
 from automaton.engine.record_codes import KEYFRAME_TICKS
 from automaton.engine.state import STRATEGY_COUNT, Array, Clock, Record
 from automaton.errors import InputError
@@ -298,15 +298,15 @@ class ObservedRecorder(Recorder):
         simulation = self.shown
         self.write(FRAME_KIND_CONDITIONS, rules_of(simulation))
         self._keyframe(simulation.world)
-        enter_changes(simulation.world, np.ascontiguousarray(self._observed["first"]), 0)
+        self._show({"first": 0, "executed": executed[:1], "changes": self._observed["first"]}, 0)
         for first in range(1, len(executed), FRAME_TICKS):
             last = min(first + FRAME_TICKS, len(executed)) - 1
             begin, end = np.searchsorted(changes[:, 0], (first, last + 1))
             content = {
                 "first": first,
-                "executed": np.ascontiguousarray(executed[first : last + 1]),
+                "executed": executed[first : last + 1],
                 "decisions": np.zeros(0, np.int64),
-                "changes": np.ascontiguousarray(changes[begin:end]),
+                "changes": changes[begin:end],
                 "digests": np.zeros(
                     (last + 1 - first, len(self.header["digest_names"])), np.uint64
                 ),
@@ -320,10 +320,11 @@ class ObservedRecorder(Recorder):
         self.ended = True
 
     def _show(self, content: Content, last: int) -> None:
-        simulation = self.shown
-        while simulation.tick < last:
-            show_ticks(
-                *(simulation.world, simulation.observation),
-                *(content["executed"], content["changes"], content["first"], last),
-            )
-            simulation.empty_observation()
+        world, observation = self.shown.world, self.shown.observation
+        executed = np.array(content["executed"], np.uint16, order="C")
+        changes = np.array(content["changes"], np.int64, order="C")
+        while True:
+            show_ticks(world, observation, executed, changes, content["first"], last)
+            self.shown.empty_observation()
+            if self.shown.tick >= last:
+                return

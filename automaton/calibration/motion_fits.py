@@ -197,11 +197,11 @@ def core(values: Array, sign: int = 1) -> Array:
 
 def median_fit(values: Array, level: float = LEVEL) -> Fit:
     """The median with an interval of order statistics."""
-    from scipy.stats import binom
+    from scipy.special import bdtrik
 
     ordered = np.sort(values)
     n = len(ordered)
-    rank = int(binom.ppf((1 - level) / 2, n, 0.5))
+    rank = math.ceil(bdtrik((1 - level) / 2, n, 0.5))
     low, high = ordered[max(rank - 1, 0)], ordered[min(n - rank, n - 1)]
     return Fit(float(np.median(ordered)), float(low), float(high), n)
 

@@ -75,12 +75,14 @@ def _slow_runs(
     line: Array, edge: Array, share: Array, slow_share: float
 ) -> list[tuple[int, int, int]]:
     """(line, first cell, last cell) of runs of slow edges in lines."""
+    if not len(share):
+        return []
     order = np.lexsort((edge, line))
     line, edge, share = line[order], edge[order], share[order]
     first = np.flatnonzero(np.append(True, (np.diff(line) != 0) | (np.diff(edge) != 0)))
-    groups = np.split(share, first[1:]) if len(share) else []
+    groups = np.split(share, first[1:])
     slow: dict[tuple[int, int], Array] = {}
-    level = 1 - (1 - LEVEL) / max(len(groups), 1)  # of one interval, so that all hold together
+    level = 1 - (1 - LEVEL) / len(groups)  # of one interval, so that all hold together
     for begin, values in zip(first.tolist(), groups, strict=True):
         if len(values) >= MIN_SLOW_PAIRS and median_fit(values, level).high < 1 - slow_share:
             slow[int(line[begin]), int(edge[begin])] = values
@@ -140,12 +142,12 @@ def fit_delays(track: Track, order: Array, usual: Array, error: float, shortest:
 
 def poisson_fit(events: int, exposure: float) -> Fit:
     """Events per unit of exposure, with the exact interval of a Poisson count (Garwood)."""
-    from scipy.stats import chi2
+    from scipy.special import gammaincinv
 
     if exposure <= 0:
         return Fit(math.nan, 0.0, math.inf, 0)
-    low = chi2.ppf(0.025, 2 * events) / 2 if events else 0.0
-    high = chi2.ppf(0.975, 2 * events + 2) / 2
+    low = gammaincinv(events, 0.025) if events else 0.0
+    high = gammaincinv(events + 1, 0.975)
     return Fit(events / exposure, float(low) / exposure, float(high) / exposure, events)
 
 

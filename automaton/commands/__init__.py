@@ -63,6 +63,14 @@ COMMANDS_BY_SUBJECT = {  # {name: (module with add_arguments(parser) and run(arg
             "automaton.commands.what_if_command",
             "compare changes of a scenario with the unchanged scenario",
         ),
+        "compare": (
+            "automaton.commands.compare_command",
+            "judge whether a model matches days of a site",
+        ),
+        "calibrate": (
+            "automaton.commands.calibrate_command",
+            "fit a scenario to a log of real robots, or demand to orders",
+        ),
         "bottlenecks": (
             "automaton.commands.bottlenecks_command",
             "rank single changes of a scenario by their effect",

@@ -147,7 +147,7 @@ class StateChanges:
     def sends(self, sample: Sample, position: Positions) -> Array:
         """(n,) bool: which robots send a message after this tick."""
         robots, index = sample.world.robots, sample.stored
-        acts = (robots.busy[index] > 0) & np.isin(robots.action[index], list(ACTION_TYPES))
+        acts = np.isin(sample.acting, list(ACTION_TYPES))
         state = np.array(
             (
                 *(position.cells(sample.world, index), robots.order[index], robots.load[index]),
@@ -156,7 +156,7 @@ class StateChanges:
                     sample.driving,
                     robots.status[index],
                 ),
-                *(np.where(acts, robots.action[index], 0), np.where(acts, sample.begun, 0)),
+                *(np.where(acts, sample.acting, 0), np.where(acts, sample.begun, 0)),
                 *(is_charging(robots)[index], robots.route_hash[index]),
             ),
             np.int64,
@@ -208,14 +208,12 @@ class Messages:
         world: Any = sample.world
         robots, index = world.robots, sample.stored
         version, timestamp = self.version, self.time.text(sample.tick)
-        busy = robots.busy[index] > 0
         columns = zip(
             index.tolist(),
             robots.order[index].tolist(),
             robots.load[index].tolist(),
             robots.status[index].tolist(),
-            robots.action[index].tolist(),
-            busy.tolist(),
+            sample.acting.tolist(),
             sample.begun.tolist(),
             sample.moves.tolist(),
             self.position.cells(world, index).tolist(),
@@ -229,7 +227,7 @@ class Messages:
         for identity, column in enumerate(columns):
             if not sends[identity]:
                 continue
-            i, order, load, status, action, is_busy, begun, moves, cell, *others = column
+            i, order, load, status, action, begun, moves, cell, *others = column
             driving, columns_of_route, place, *power = others
             route = self.routes[identity]
             route_state = RouteState(i, cell, moves if order != NIL else None, *columns_of_route)
@@ -249,9 +247,7 @@ class Messages:
                 "edgeStates": edges,
                 **on_map,
                 "driving": driving,
-                "actionStates": _actions(action, begun)
-                if is_busy and action in ACTION_TYPES
-                else [],
+                "actionStates": _actions(action, begun) if action in ACTION_TYPES else [],
                 **version.always,
                 "loads": [] if load == NIL else [self._load(world, load)],
                 version.power: {version.charge: power[0], "charging": power[1]},
@@ -373,6 +369,7 @@ class Sample(NamedTuple):
     moves: Array  # (n,) moves begun for the current order, current move included
     moved: Array  # (n,) completed share of the current move; 0 without one
     driving: Array  # (n,) bool: in a move, or at its end in this tick
+    acting: Array  # (n,) operation under way, or at its end in this tick; NIL: none
     begun: Array  # (n,) tick in which the last pick, drop or stop began
 
 
@@ -395,9 +392,9 @@ class StateTrace:
         """Yield a sample at tick 0 and after each period. Raises InputError for an altered file."""
         for tick in range(0, self.recording.ticks + 1, self.period):
             self._playback.go_to(max(tick - 1, 0))
-            before = self._in_move()
+            before = self._in_move(), self._operation()
             self._playback.go_to(tick)
-            yield self._sample(tick, before)
+            yield self._sample(tick, *before)
 
     def _observe(self, simulation: Simulation) -> None:
         """Note the orders that were taken; each call is within one frame."""
@@ -426,8 +423,16 @@ class StateTrace:
         in_move: Array = robots.claim[robots.at_index] != NIL
         return in_move
 
-    def _sample(self, tick: int, before: Array) -> Sample:
-        """The sample of a tick; `before`: (n,) whether robots were in a move a tick earlier."""
+    def _operation(self) -> Array:
+        """(n,) the operation of each robot that goes on after the current tick, or NIL."""
+        robots = self._playback.simulation.world.robots
+        index = robots.at_index
+        action = robots.action[index].astype(np.int64)
+        operation: Array = np.where(robots.busy[index] > 0, action, NIL)
+        return operation
+
+    def _sample(self, tick: int, moved: Array, acted: Array) -> Sample:
+        """The sample of a tick; (n,) a tick earlier, `moved`: in a move, `acted`: in an operation."""
         world: Any = self._playback.simulation.world
         index = world.robots.at_index
         row = tick - self._frame + 1 if tick else 0
@@ -441,7 +446,12 @@ class StateTrace:
             stored=index,
             moves=self._moves[row] - self._before_order,
             moved=np.where(in_move, driven / (driven + busy), 0.0),
-            driving=in_move | before | begins,
+            driving=in_move | moved | begins,
+            acting=np.select(
+                [acted != NIL, (busy > 0) | ((tick > 0) & (self._begun[row] == tick))],
+                [acted, robots.action[index].astype(np.int64)],
+                NIL,
+            ),
             begun=self._begun[row],
         )
 

@@ -71,6 +71,7 @@ LINES = {
     "serve": "serve crossing --port 0 --no-token",
     "report": "report results",
     "what-if": "what-if crossing changes.yaml --pairs 2 --workers 1",
+    "compare": "compare crossing log.jsonl --runs 20 --workers 1 --set units.cell=1m",
     "bottlenecks": "bottlenecks crossing --only fleet --most 1 --pairs 2,2 --workers 1",
     "streets": "streets crossing --out found --runs 96 --dry-run --workers 1",
     "size": "size crossing --target makespan<=5000 --robots 2 --budget 70 --workers 1",
@@ -106,6 +107,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
         with contextlib.redirect_stdout(io.StringIO()):
             assert main(RECORDED.split()) == 0
             assert main(LINES["sweep"].split()) == 0
+            assert main(["export", "a.rec", "--vda5050", "log.jsonl"]) == 0
         yield path
 
 

@@ -88,7 +88,7 @@ def test_trips_pods_and_the_station_of_goods_mini(mini: Recording) -> None:
     messages = trace(mini)
     robot = [m for m in messages if m["serialNumber"] == "1"]
     served = [m["headerId"] for m in robot if types(m) == ["serve"]]
-    assert served == list(range(18, 37)), "begun in tick 18, and done with tick 37"
+    assert served == list(range(18, 38)), "begun in tick 18, and done with tick 37"
     carrying = {m["loads"][0]["loadId"] for m in robot if m["loads"]}
     assert carrying == {"2"} and robot[20]["loads"] == [{"loadId": "2", "loadType": "pod"}]
     assert {m["orderId"] for m in robot if m["loads"]} == {"1"}
@@ -148,8 +148,8 @@ def test_a_long_move_is_shown_by_its_share(to_and_fro: Recording) -> None:
 def test_actions_run_while_they_last_and_the_clock_gives_the_time(to_and_fro: Recording) -> None:
     messages = trace(to_and_fro, "0.5")
     names = [types(m)[0] if types(m) else "" for m in messages]
-    # An action of k ticks is under way at the end of k - 1 of them.
-    assert [names.count(one) for one in ("pick", "drop", "serve")] == [4, 1, 5]
+    # An action of k ticks shows at the end of each of them, as a move does.
+    assert [names.count(one) for one in ("pick", "drop", "serve")] == [5, 2, 6]
     ids = {a["actionId"] for m in messages for a in m["actionStates"]}
     assert len(ids) == 3 and all(
         a["actionStatus"] == "RUNNING" for m in messages for a in m["actionStates"]

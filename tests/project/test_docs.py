@@ -248,6 +248,8 @@ def test_the_page_on_json_names_the_keys_that_are_printed(tmp_path: Path) -> Non
     changes = [{"name": "fewer", "set": {"fleet.robots": 2}}]
     (tmp_path / "changes.yaml").write_text(json.dumps(changes))
     with in_this_process(tmp_path):
+        carry_out("automaton run crossing --record b.rec --set units.cell=1m", tmp_path)
+        carry_out("automaton export b.rec --vda5050 log.jsonl", tmp_path)
         for command in (
             recorded,
             "explain a.rec --robot 0 --at 100",
@@ -257,6 +259,7 @@ def test_the_page_on_json_names_the_keys_that_are_printed(tmp_path: Path) -> Non
             "sweep small.yaml --out out",
             "report out",
             "what-if tabletop-mini changes.yaml --pairs 2",
+            "compare crossing log.jsonl --runs 20 --workers 1 --set units.cell=1m",
             "bottlenecks tabletop-mini --most 1 --pairs 2,2",
             "size tabletop-mini --target makespan<=5000 --robots 2 --budget 70 --workers 1",
             "tune random-400 --budget 63 --workers 1 --set stop.max_duration=5 --set fleet.robots=20",

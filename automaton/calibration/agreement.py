@@ -1,0 +1,261 @@
+"""Judge whether simulated runs agree with days of a site.
+
+    day         the largest standardized deviation of its quantities, against those of the runs: each run
+                is as likely as the day to have the largest, if the model is right
+    band        mean of the runs +- the deviation that 95 % of days stay within, for all hours at once
+    quantity    Student's test of the relative differences of days; Holm over all quantities
+    tolerance   two one-sided tests at 5 % (Schuirmann 1987): the 90 % interval lies within +- tolerance
+
+The p values of days are combined by Fisher's method. One day alone is judged by its band.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+
+from automaton.calibration.fleet_trace import (
+    HOUR,
+    LEAD_TIME,
+    LEAD_TIME_P50,
+    LEAD_TIME_P95,
+    ORDERS_AN_HOUR,
+    STRETCH,
+)
+from automaton.studies.inference.intervals import (
+    Interval,
+    effect,
+    mean_interval,
+    normal_quantile,
+)
+
+Array = np.ndarray[Any, Any]
+Measures = Mapping[str, float]
+
+ERROR: Final = 0.05  # of all tests of a comparison together
+POWER: Final = 0.9
+TOLERANCES: Final = {ORDERS_AN_HOUR: 0.05, LEAD_TIME: 0.1, LEAD_TIME_P50: 0.1, LEAD_TIME_P95: 0.1}
+JUDGED: Final = (ORDERS_AN_HOUR, LEAD_TIME)  # a model matches if both are within their tolerances
+LEAST_SPREAD: Final = 0.005  # of the mean: runs that all agree are not certain
+LEAST_ORDERS: Final = 0.5  # the same, of orders in an hour
+MIN_STRETCH_SHARE: Final = 0.002  # of the robot time; less busy stretches are not compared
+MATCHES: Final = "matches"
+DIFFERS: Final = "differs"
+UNDECIDED: Final = "cannot be said"
+
+
+def mean_of(values: Iterable[float]) -> float:
+    """The mean of the values that are numbers; nan without any."""
+    known = [value for value in values if math.isfinite(value)]
+    return math.fsum(known) / len(known) if known else math.nan
+
+
+class DayResult(NamedTuple):
+    """A day beside its runs."""
+
+    name: str
+    begin: int  # milliseconds since 1970
+    real: Measures
+    runs: Sequence[Measures]
+
+    def mean(self, quantity: str) -> float:
+        """The mean of a quantity over the runs that have it."""
+        return mean_of(run[quantity] for run in self.runs)
+
+
+class DayBand(NamedTuple):
+    """How a day compares with its runs, all hours and quantities at once."""
+
+    p: float  # share of equally likely cases with so large a deviation
+    hours: Array  # (h, 4) float: real, mean of the runs, low and high end of the band
+    outside: tuple[str, ...]  # quantities outside the band, hours first in their order
+
+
+class Difference(NamedTuple):
+    """A quantity over all days: real relative to simulated."""
+
+    quantity: str
+    real: float  # means over the days
+    simulated: float
+    interval: Interval | None  # of the relative difference, 90 %; None: one day
+    p: float  # adjusted; 1: one day
+    tolerance: float | None
+    verdict: str
+    days_needed: int | None  # for the tolerance at POWER; None: not known, or no tolerance
+
+    @property
+    def relative(self) -> float:
+        """The relative difference."""
+        return math.nan if self.interval is None else self.interval.value
+
+
+class StretchDifference(NamedTuple):
+    """Robot seconds a day on a stretch: real minus simulated."""
+
+    stretch: int
+    real: float
+    simulated: float
+    p: float  # adjusted by Holm over all stretches; 1: one day
+
+
+class Agreement(NamedTuple):
+    """The verdict on a model."""
+
+    verdict: str
+    bands: list[DayBand]
+    p_days: float  # adjusted p of the bands of all days together
+    differences: list[Difference]
+    stretches: list[StretchDifference]  # by p, then by seconds
+
+    @property
+    def first(self) -> tuple[int, str] | None:
+        """The number of the first day outside its band, and its first hour or quantity there."""
+        for number, band in enumerate(self.bands):
+            if band.outside and band.p <= ERROR:
+                return number, band.outside[0]
+        return None
+
+
+def agreement(days: Sequence[DayResult]) -> Agreement:
+    """Judge a model by days that it was not fitted to."""
+    names = [name for name in days[0].real if not name.startswith((HOUR, STRETCH))]
+    bands = [day_band(day) for day in days]
+    ratios = {name: relative_differences(days, name) for name in names}
+    stretches = stretch_differences(days)
+    quantities = [
+        min((one.p for one in stretches), default=1.0),
+        *(p_of_zero(ratios[name]) for name in names),
+    ]
+    p_days = combined([band.p for band in bands])
+    if len(days) > 1:  # the bands cover all quantities, so they have half of the error
+        p_days, quantities = min(1.0, 2 * p_days), [min(1.0, 2 * p) for p in holm(quantities)]
+    differences = [
+        difference(days, name, ratios[name], p)
+        for name, p in zip(names, quantities[1:], strict=True)
+    ]
+    verdict = verdict_of([p_days, *quantities], differences)
+    return Agreement(verdict, bands, p_days, differences, stretches)
+
+
+def verdict_of(adjusted: Sequence[float], differences: Sequence[Difference]) -> str:
+    """The verdict of a comparison from the adjusted p of all its tests."""
+    if min(adjusted) <= ERROR:
+        return DIFFERS
+    judged = [one for one in differences if one.quantity in JUDGED]
+    return MATCHES if all(one.verdict == MATCHES for one in judged) else UNDECIDED
+
+
+# A day.
+
+
+def day_band(day: DayResult) -> DayBand:
+    """Compare a day with its runs, by the largest standardized deviation of all quantities."""
+    names = [name for name in day.real if not name.startswith(STRETCH)]
+    names = [name for name in names if math.isfinite(day.real[name])]
+    runs = np.array([[run[name] for name in names] for run in day.runs])
+    names = [
+        name
+        for name, is_known in zip(names, np.isfinite(runs).all(axis=0), strict=True)
+        if is_known
+    ]
+    runs = runs[:, np.isfinite(runs).all(axis=0)]
+    real = np.array([day.real[name] for name in names])
+    floor = np.array([LEAST_ORDERS if name.startswith(HOUR) else 0.0 for name in names])
+    n, mean = len(runs), runs.mean(axis=0)
+    floor = np.maximum(floor, LEAST_SPREAD * np.abs(mean))
+    spread = np.maximum(runs.std(axis=0, ddof=1), floor)
+    others_mean = (n * mean - runs) / (n - 1)
+    squares = ((runs - mean) ** 2).sum(axis=0) - (runs - mean) ** 2 * n / (n - 1)
+    others_spread = np.maximum(np.sqrt(np.maximum(squares, 0) / (n - 2)), floor)
+    largest = np.max(np.abs(runs - others_mean) / others_spread, axis=1)
+    deviation = np.abs(real - mean) / np.where(spread > 0, spread, 1)
+    limit = np.sort(largest)[min(n, math.ceil((1 - ERROR) * (n + 1))) - 1]
+    p = (1 + int((largest >= deviation.max()).sum())) / (n + 1)
+    outside = [name for name, far in zip(names, deviation > limit, strict=True) if far]
+    outside.sort(key=lambda name: not name.startswith(HOUR))
+    is_hour = np.array([name.startswith(HOUR) for name in names])
+    ends = np.stack(
+        [real, mean, np.maximum(mean - limit * spread, 0), mean + limit * spread], axis=1
+    )
+    return DayBand(p, ends[is_hour], tuple(outside))
+
+
+def combined(values: Sequence[float]) -> float:
+    """Fisher's combination of independent p values: the upper tail of chi-square."""
+    half = -sum(map(math.log, values))
+    return min(
+        1.0, math.fsum(half**k / math.factorial(k) for k in range(len(values))) * math.exp(-half)
+    )
+
+
+# Over days.
+
+
+def relative_differences(days: Sequence[DayResult], name: str) -> list[float]:
+    """Real / mean of the runs - 1 on each day that has both."""
+    pairs = [(day.real[name], day.mean(name)) for day in days]
+    return [real / mean - 1 for real, mean in pairs if math.isfinite(real) and mean > 0]
+
+
+def p_of_zero(values: Sequence[float]) -> float:
+    """The p value of Student's test that the mean is 0; 1 for fewer than 2 values."""
+    if len(values) < 2:
+        return 1.0
+    return effect(values, np.zeros(len(values)), paired=True).p
+
+
+def difference(
+    days: Sequence[DayResult], name: str, values: Sequence[float], p: float
+) -> Difference:
+    """The difference of a quantity over all days, and its verdict."""
+    tolerance, needed = TOLERANCES.get(name), None
+    interval = mean_interval(values, 1 - 2 * ERROR) if values else None
+    verdict = DIFFERS if p <= ERROR else UNDECIDED
+    if interval is not None and interval.low is not None and interval.high is not None:
+        spread = float(np.std(values, ddof=1))
+        needed = None if tolerance is None else days_needed(spread, tolerance)
+        if tolerance is not None and -tolerance < interval.low and interval.high < tolerance:
+            verdict = MATCHES
+    real = mean_of(day.real[name] for day in days)
+    simulated = mean_of(day.mean(name) for day in days)
+    return Difference(name, real, simulated, interval, p, tolerance, verdict, needed)
+
+
+def days_needed(spread: float, tolerance: float) -> int:
+    """Days after which two one-sided tests show equal means with POWER.
+
+    `spread`: standard deviation of the relative differences of days. 4, 11 and 44 days for 3, 5 and
+    10 % at a tolerance of 5 %.
+    """
+    z = normal_quantile(1 - ERROR) + normal_quantile(1 - (1 - POWER) / 2)
+    return max(2, math.ceil((z * spread / tolerance) ** 2))
+
+
+def stretch_differences(days: Sequence[DayResult]) -> list[StretchDifference]:
+    """The busy stretches, those whose difference is least likely by chance first."""
+    names = [name for name in days[0].real if name.startswith(STRETCH)]
+    real = np.array([[day.real[name] for name in names] for day in days]).reshape(len(days), -1)
+    simulated = np.array([[day.mean(name) for name in names] for day in days]).reshape(real.shape)
+    both = (real + simulated).sum(axis=0)
+    busy = np.flatnonzero(both >= MIN_STRETCH_SHARE * both.sum())
+    apart = real - simulated
+    adjusted = holm([p_of_zero(apart[:, number]) for number in busy])
+    ranked = [
+        StretchDifference(
+            number, float(real[:, number].mean()), float(simulated[:, number].mean()), p
+        )
+        for number, p in zip(busy.tolist(), adjusted, strict=True)
+    ]
+    return sorted(ranked, key=lambda one: (one.p, -abs(one.real - one.simulated)))
+
+
+def holm(values: Sequence[float]) -> list[float]:
+    """Holm's adjusted p values (1979), in the order of the values."""
+    adjusted, highest = [1.0] * len(values), 0.0
+    for rank, number in enumerate(np.argsort(values, kind="stable").tolist()):
+        highest = max(highest, min(1.0, (len(values) - rank) * values[number]))
+        adjusted[number] = highest
+    return adjusted

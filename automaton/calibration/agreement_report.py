@@ -1,0 +1,339 @@
+"""Show how well a model matches a site: the verdict, its quantities, days, hours and stretches."""
+
+from __future__ import annotations
+
+import datetime
+import math
+from collections.abc import Iterator, Sequence
+from typing import Any, Final
+
+import numpy as np
+
+from automaton.calibration.agreement import (
+    DIFFERS,
+    ERROR,
+    JUDGED,
+    MATCHES,
+    Agreement,
+    DayResult,
+    Difference,
+)
+from automaton.calibration.compared_days import Compared
+from automaton.calibration.fleet_trace import (
+    EMPTY_SHARE,
+    HEADWAY,
+    HOUR,
+    ORDER_SHARE,
+    ORDERS_AN_HOUR,
+    STRETCH,
+)
+from automaton.documents.report_document import (
+    Curves,
+    Heading,
+    HeatMap,
+    Listed,
+    ReportCurve,
+    ReportDocument,
+    Table,
+    Text,
+)
+from automaton.floor.floor_plan import NIL
+from automaton.units import count, percent
+
+EPOCH: Final = datetime.datetime(1970, 1, 1)
+MAX_STRETCHES: Final = 8
+SHARES: Final = (ORDER_SHARE, EMPTY_SHARE)
+
+
+def agreement_document(name: str, compared: Compared, notes: Sequence[str]) -> ReportDocument:
+    """The comparison as a document."""
+    result, days = compared.agreement, compared.days
+    title = f"{name}: does the model match the site?"
+    document = ReportDocument(title)
+    runs = count(len(days[0].runs), "run")
+    document.add(
+        Heading(title, 1),
+        Heading("Verdict"),
+        Text(verdict_sentence(compared), strong=True),
+        Listed(list(reasons(compared))),
+        Heading("Site and model"),
+        quantity_table(compared),
+        Listed(reading_lines(len(days)), mark=""),
+        Heading("Days"),
+        day_table(compared),
+        *hour_chart(compared),
+    )
+    if result.stretches:
+        document.add(Heading("Where robots spend more or less time"), stretch_table(compared))
+        document.add(*seconds_maps(compared))
+    document.add(
+        Heading("How it was compared"),
+        Text(
+            f"Each day was simulated in {runs} with its own orders. Site and runs were measured in the "
+            "same way, from the cell, order and load of each robot at equal times."
+        ),
+        Listed(notes),
+    )
+    return document
+
+
+def verdict_sentence(compared: Compared) -> str:
+    """The verdict in a sentence."""
+    result = compared.agreement
+    if result.verdict == MATCHES:
+        within = ", ".join(
+            f"{one.quantity} within {percent(one.tolerance or 0, 0)}" for one in judged(result)
+        )
+        return f"The model matches the site: {within}."
+    if result.verdict == DIFFERS:
+        return f"The model differs from the site{first_text(compared)}."
+    return "Cannot be said whether the model matches the site."
+
+
+def judged(result: Agreement) -> list[Difference]:
+    """The differences that decide whether a model matches."""
+    return [one for one in result.differences if one.quantity in JUDGED]
+
+
+def first_text(compared: Compared) -> str:
+    """Where a model first differs: ", first on monday at 10:00"; "" if no day is outside its band."""
+    first = compared.agreement.first
+    if first is None:
+        return ""
+    number, quantity = first
+    day = compared.days[number]
+    if not quantity.startswith(HOUR):
+        return f", first on {day.name} in {plain_name(compared, quantity)}"
+    return f", first on {day.name} at {hour_name(day, int(quantity.removeprefix(HOUR)))}"
+
+
+def reasons(compared: Compared) -> Iterator[str]:
+    """What differs, what is within its tolerance, and what the days are too few for."""
+    result, days = compared.agreement, compared.days
+    outside = sum(band.p <= ERROR for band in result.bands)
+    if result.p_days <= ERROR:
+        of_days = f"{outside:,} of {count(len(days), 'day')}"
+        yield f"{of_days} outside the band of the runs ({_p(result.p_days)})"
+    yield from (
+        f"{plain_name(compared, one.quantity)} differs by {100 * one.relative:+.1f} % ({_p(one.p)})"
+        for one in result.differences
+        if one.p <= ERROR
+    )
+    if result.stretches and result.stretches[0].p <= ERROR:
+        one = result.stretches[0]
+        yield (
+            f"robots spend {one.real - one.simulated:+,.0f} s a day on {place_of(compared, one.stretch)} "
+            f"({_p(one.p)})"
+        )
+    for difference in judged(result) if result.verdict != MATCHES else ():
+        within = f"within {percent(difference.tolerance or 0, 0)}"
+        if difference.verdict == MATCHES:
+            yield f"{difference.quantity} matches {within}"
+        elif difference.days_needed is None:
+            yield (
+                f"too few days to show that {difference.quantity} matches {within}: one day has no "
+                "spread; 4, 11 or 44 days are needed for a spread of 3, 5 or 10 % and a tolerance of 5 %"
+            )
+        elif difference.days_needed > len(days):
+            yield (
+                f"too few days to show that {difference.quantity} matches {within}: "
+                f"{len(days):,} of {difference.days_needed:,} for the spread of these days"
+            )
+        else:
+            yield f"{difference.quantity} is not shown to match {within}"
+
+
+def _p(p: float) -> str:
+    return "p < 0.001" if p < 0.001 else f"p = {p:.3f}"
+
+
+def quantity_table(compared: Compared) -> Table:
+    """Each quantity of the site and of the model."""
+    heads = ["", "site", "model", "diff.", "90 % low", "high", "p", "verdict"]
+    rows = []
+    for one in compared.agreement.differences:
+        ends = ["-"] * 3
+        if (
+            one.interval is not None
+            and one.interval.low is not None
+            and one.interval.high is not None
+        ):
+            bounds = one.interval.value, one.interval.low, one.interval.high
+            ends = [f"{100 * end:+.1f} %" for end in bounds]
+        elif one.interval is not None:
+            ends = [f"{100 * one.interval.value:+.1f} %", "-", "-"]
+        name = shown_name(compared, one.quantity)
+        numbers = [shown(one.quantity, value) for value in (one.real, one.simulated)]
+        p = f"{one.p:.3f}" if len(compared.days) > 1 else "-"
+        rows.append([name, *numbers, *ends, p, verdict_word(one)])
+    return Table(heads, rows, also_left=(len(heads) - 1,))
+
+
+def verdict_word(one: Difference) -> str:
+    """The verdict on a quantity in a table."""
+    if one.verdict == DIFFERS or (one.p <= ERROR and one.verdict != MATCHES):
+        return DIFFERS
+    if one.tolerance is None:
+        return "-"
+    within = f"± {percent(one.tolerance, 0)}"
+    return f"{MATCHES} {within}" if one.verdict == MATCHES else f"open {within}"
+
+
+def reading_lines(days: int) -> list[str]:
+    """How to read the table of quantities."""
+    lines = [
+        "diff.: mean of (site / model - 1) over the days. p: adjusted for all tests of the page; at most "
+        "0.05 is a difference. matches: the 90 % interval lies within the tolerance (two one-sided tests "
+        "at 5 %); open: it does not."
+    ]
+    return lines if days > 1 else [*lines, "With one day, only its band is tested."]
+
+
+def shown_name(compared: Compared, quantity: str) -> str:
+    """The name of a quantity with its unit or place."""
+    if quantity.startswith(HEADWAY):
+        x, y = compared.floor_plan.xy(compared.busiest[int(quantity.removeprefix(HEADWAY))])
+        return f"headway at [{x}, {y}], s"
+    return quantity if quantity in (*SHARES, ORDERS_AN_HOUR) else f"{quantity}, s"
+
+
+def plain_name(compared: Compared, quantity: str) -> str:
+    """The name of a quantity in a sentence."""
+    return shown_name(compared, quantity).removesuffix(", s")
+
+
+def shown(quantity: str, value: float) -> str:
+    """A value of a quantity."""
+    if math.isnan(value):
+        return "-"
+    return percent(value) if quantity in SHARES else f"{value:,.1f}"
+
+
+def day_table(compared: Compared) -> Table:
+    """Each day: orders an hour, p of its band, and what is first outside."""
+    rows = []
+    for day, band in zip(compared.days, compared.agreement.bands, strict=True):
+        first = ""
+        if band.p <= ERROR and band.outside:
+            first = band.outside[0]
+            is_hour = first.startswith(HOUR)
+            number = int(first.removeprefix(HOUR)) if is_hour else 0
+            first = hour_name(day, number) if is_hour else shown_name(compared, first)
+        numbers = [
+            shown(ORDERS_AN_HOUR, one)
+            for one in (day.real[ORDERS_AN_HOUR], day.mean(ORDERS_AN_HOUR))
+        ]
+        rows.append([day.name, *numbers, f"{band.p:.3f}", first])
+    heads = ["day", "orders an hour", "model", "p", "first outside the band"]
+    return Table(heads, rows, also_left=(4,))
+
+
+def hour_name(day: DayResult, number: int) -> str:
+    """The clock time at which an hour of a day begins."""
+    return f"{EPOCH + datetime.timedelta(milliseconds=day.begin, hours=number):%H:%M}"
+
+
+def hour_chart(compared: Compared) -> Iterator[Curves]:
+    """Orders by hour of the first day outside its band, else of the first day, if it has several."""
+    first = compared.agreement.first
+    number = 0 if first is None else first[0]
+    day, band = compared.days[number], compared.agreement.bands[number]
+    x, (real, mean, low, high) = range(len(band.hours)), band.hours.T.tolist()
+    lines = [ReportCurve("site", x, real, real, real), ReportCurve("model", x, mean, low, high)]
+    title = f"Orders by hour on {day.name}, and the 95 % band of the runs for all hours at once"
+    if len(x) > 1:
+        names = [hour_name(day, hour) for hour in x]
+        yield Curves(title, "hour", "orders", lines, names, from_zero=True, is_in_order=True)
+
+
+def stretch_table(compared: Compared) -> Table:
+    """The stretches with the least likely differences."""
+    rows = [
+        [
+            place_of(compared, one.stretch),
+            f"{one.real:,.0f}",
+            f"{one.simulated:,.0f}",
+            f"{one.real - one.simulated:+,.0f}",
+            f"{one.p:.3f}" if len(compared.days) > 1 else "-",
+        ]
+        for one in compared.agreement.stretches[:MAX_STRETCHES]
+    ]
+    return Table(["stretch", "robot seconds a day: site", "model", "difference", "p"], rows)
+
+
+def place_of(compared: Compared, stretch: int) -> str:
+    """The cells of a stretch: "[3, 1] to [3, 8]"."""
+    cells = np.flatnonzero(compared.stretch_of == stretch)
+    ends = [list(compared.floor_plan.xy(cell)) for cell in (cells[0], cells[-1])]
+    return f"{ends[0]} to {ends[1]}" if len(cells) > 1 else f"{ends[0]}"
+
+
+def seconds_maps(compared: Compared) -> Iterator[HeatMap]:
+    """Where robots spend more time at the site than in the model, and where less, cell by cell."""
+    floor_plan, stretch_of = compared.floor_plan, compared.stretch_of
+    sizes = np.bincount(stretch_of[stretch_of != NIL])
+    apart = np.where(floor_plan.drivable.ravel(), 0.0, math.nan)
+    for one in compared.agreement.stretches:
+        apart[stretch_of == one.stretch] = (one.real - one.simulated) / sizes[one.stretch]
+    for word, sign in (("more", 1), ("less", -1)):
+        field = np.maximum(sign * apart, 0).reshape(floor_plan.kind.shape)[1:-1, 1:-1]
+        title = f"Where robots spend {word} time at the site than in the model"
+        if np.nanmax(field) > 0:
+            yield HeatMap(title, "seconds a day", field, "Mean over the cells of a stretch")
+
+
+def agreement_record(name: str, compared: Compared, notes: Sequence[str]) -> dict[str, Any]:
+    """The comparison as one object."""
+    result = compared.agreement
+
+    def number(value: float | None) -> float | None:
+        return None if value is None or math.isnan(value) else value
+
+    return {
+        "scenario": name,
+        "verdict": result.verdict,
+        "reasons": list(reasons(compared)),
+        "first": first_text(compared).removeprefix(", first ") or None,
+        "runs": len(compared.days[0].runs),
+        "days": [
+            {
+                "name": day.name,
+                "p": band.p,
+                "outside": [
+                    hour_name(day, int(one.removeprefix(HOUR))) if one.startswith(HOUR) else one
+                    for one in band.outside
+                ],
+                "site": {
+                    quantity: number(value)
+                    for quantity, value in day.real.items()
+                    if not quantity.startswith(STRETCH)
+                },
+            }
+            for day, band in zip(compared.days, result.bands, strict=True)
+        ],
+        "quantities": [
+            {
+                "quantity": shown_name(compared, one.quantity),
+                "site": number(one.real),
+                "model": number(one.simulated),
+                "difference": number(one.relative),
+                "low": None if one.interval is None else one.interval.low,
+                "high": None if one.interval is None else one.interval.high,
+                "tolerance": one.tolerance,
+                "p": one.p,
+                "verdict": one.verdict,
+                "days_needed": one.days_needed,
+            }
+            for one in result.differences
+        ],
+        "stretches": [
+            {
+                "place": place_of(compared, one.stretch),
+                "site": one.real,
+                "model": one.simulated,
+                "p": one.p,
+            }
+            for one in result.stretches
+        ],
+        "remarks": list(notes),
+    }

@@ -1,0 +1,247 @@
+"""Fit the rates of a week and the sizes of batches to a file of orders.
+
+    rate of an hour of the week    mean number of orders in it, over all such hours that the file covers
+    batch                          orders with one release time
+    dispersion                     variance / mean of the orders in an hour; 1 for Poisson arrivals
+
+The result runs as `orders.arrivals: {profile: week.csv, batch: ...}`. Orders come singly if rounded
+release times alone explain the equal ones.
+"""
+
+from __future__ import annotations
+
+import datetime
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from statistics import NormalDist
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+
+from automaton.errors import InputError
+from automaton.scenario.arrivals import HOURS_OF_DAY, HOURS_OF_WEEK, SECONDS_OF_HOUR
+from automaton.scenario.file_times import MICRO, TICKS, read_time
+from automaton.scenario.quantities import Scale
+from automaton.scenario.table_fields import ReleaseField, TableOptions
+from automaton.scenario.table_reader import read_columns
+from automaton.units import count
+
+Array = np.ndarray[Any, Any]
+Batch = int | dict[str, Any]  # as in `orders.arrivals.batch`
+
+MIN_WEEKS: Final = 4
+DAYS_OF_WEEK: Final = 7
+SECONDS: Final = Scale("1 s")
+POISSON_ERROR: Final = 0.05
+POISSON_DISPERSION: Final = (0.8, 1.25)  # within it, arrivals may be called Poisson in any case
+MIN_HOUR_MEAN: Final = 1.0  # orders in an hour; rarer ones say nothing about dispersion
+SIZES: Final = 100  # of an empirical distribution
+SIZE_SHARES: Final = (0.5, 0.75, 0.9, 0.95, 0.99)
+SIZE_ERROR: Final = 0.05  # of a share of sizes that a distribution may be off; an order in any case
+TIES_SIGMA: Final = 3.0
+TIES_SHARE: Final = 0.01  # of all orders: so few in batches need none
+
+
+class Releases(NamedTuple):
+    """The release times of orders."""
+
+    first: datetime.datetime  # of the earliest order, in the time of the site
+    seconds: Array  # (n,) int64 seconds after the first, ascending
+
+
+class Dispersion(NamedTuple):
+    """Variance / mean of counts in an hour, over the hours of the week with enough of them."""
+
+    value: float  # nan: not known
+    degrees: int
+    p: float  # two-sided; null hypothesis: Poisson
+
+    @property
+    def is_poisson(self) -> bool | None:
+        """Whether Poisson arrivals would do; None: the counts are too few to say."""
+        if not self.degrees:
+            return None
+        low, high = POISSON_DISPERSION
+        return self.p >= POISSON_ERROR or low <= self.value <= high
+
+
+class Demand(NamedTuple):
+    """The demand of a file of orders."""
+
+    begin: datetime.datetime  # the hour of the first order
+    counts: Array  # (h,) orders in each hour from `begin` on, to the hour of the last order
+    rates: Array  # (168,) mean orders in each hour of the week from Monday 0:00 on
+    orders: Dispersion
+    batches: Dispersion
+    sizes: Array  # (b,) orders of each batch
+    batch: Batch
+    zero_gaps: float  # share of the times between two orders that are 0
+    gap_variation: float  # standard deviation / mean of these times
+    fitted_dispersion: float  # of hours of the profile with its batches
+
+    @property
+    def orders_of_batch(self) -> float:
+        """The mean size of the fitted batches."""
+        return float(np.mean(batch_sizes(self.batch)))
+
+    @property
+    def days(self) -> int:
+        """Calendar days from the first order to the last."""
+        end = self.begin + datetime.timedelta(hours=len(self.counts) - 1)
+        return (end.date() - self.begin.date()).days + 1
+
+
+def read_releases(
+    path: Path, columns: Mapping[str, str] | None = None, time: str | None = None
+) -> Releases:
+    """Read the release times of a file of orders; `columns`, `time`: as in `orders.transports`.
+
+    Raises InputError for a file without dates.
+    """
+    options = TableOptions(file=str(path), time=time)
+    table = read_columns(path, [ReleaseField()], options, columns, SECONDS, (), False)
+    table.errors.raise_any()
+    text = table.counts.tick_zero
+    earliest = read_time(text, time, SECONDS)
+    if not text or earliest.form == TICKS or earliest.value < 400 * 86_400 * MICRO:
+        column = table.column_of["released"]
+        example = "such as 2026-03-02 06:30"
+        raise InputError(f"{column} needs a date in each row, {example}", str(path))
+    since = datetime.timedelta(microseconds=earliest.value) + _offset_of(text, time)
+    first = datetime.datetime.fromordinal(1) + since - datetime.timedelta(days=1)
+    return Releases(first, np.sort(table.values["released"].astype(np.int64)))
+
+
+def _offset_of(text: str, time: str | None) -> datetime.timedelta:
+    """The offset from UTC that a time says, so that hours are those of the site."""
+    try:
+        moment = (
+            datetime.datetime.strptime(text, time)
+            if time
+            else datetime.datetime.fromisoformat(text)
+        )
+    except ValueError:
+        return datetime.timedelta()
+    return moment.utcoffset() or datetime.timedelta()
+
+
+def fit_demand(releases: Releases) -> Demand:
+    """Fit the rates of a week and the sizes of batches."""
+    hour = datetime.timedelta(hours=1)
+    begin = releases.first.replace(minute=0, second=0, microsecond=0)
+    at = releases.seconds + round((releases.first - begin).total_seconds())
+    counts = np.bincount(at // SECONDS_OF_HOUR)
+    of_week = (int((begin - datetime.datetime(1, 1, 1)) / hour) + np.arange(len(counts))) % (
+        HOURS_OF_WEEK
+    )
+    covered = np.bincount(of_week, minlength=HOURS_OF_WEEK)
+    totals = np.bincount(of_week, counts, HOURS_OF_WEEK)
+    times, sizes = np.unique(at, return_counts=True)
+    gaps = np.diff(at)
+    is_single = ties_are_rounded(times, sizes, counts)
+    batch = 1 if is_single else fitted_batch(sizes)
+    drawn = np.array(batch_sizes(batch), float)
+    mean_gap = float(gaps.mean()) if len(gaps) else 0.0
+    return Demand(
+        begin=begin,
+        counts=counts,
+        rates=totals / np.maximum(covered, 1),
+        orders=dispersion(counts, of_week),
+        batches=dispersion(np.bincount(times // SECONDS_OF_HOUR, minlength=len(counts)), of_week),
+        sizes=sizes,
+        batch=batch,
+        zero_gaps=float((gaps == 0).mean()) if len(gaps) else 0.0,
+        gap_variation=float(gaps.std()) / mean_gap if mean_gap else 0.0,
+        fitted_dispersion=float((drawn**2).mean() / drawn.mean()),
+    )
+
+
+def check_weeks(demand: Demand, file: str) -> None:
+    """The file covers enough weeks for rates by hour of the week. Raises InputError."""
+    if demand.days < MIN_WEEKS * DAYS_OF_WEEK:
+        text = f"rates by hour of the week need at least {MIN_WEEKS} weeks"
+        raise InputError(f"covers {count(demand.days, 'day')}; {text}", file)
+
+
+def dispersion(counts: Array, of_week: Array) -> Dispersion:
+    """Variance / mean of counts, from hours of the week that are there twice at least.
+
+    The test is that of Fisher for the sum of all hours; its chi-square is transformed to a normal
+    variable (Wilson & Hilferty 1931), which is exact enough from 30 degrees of freedom on.
+    """
+    chi_square, degrees = 0.0, 0
+    for hour in range(HOURS_OF_WEEK):
+        own = counts[of_week == hour]
+        if len(own) > 1 and own.mean() >= MIN_HOUR_MEAN:
+            chi_square += float(((own - own.mean()) ** 2).sum() / own.mean())
+            degrees += len(own) - 1
+    if not degrees:
+        return Dispersion(math.nan, 0, math.nan)
+    spread = 2 / (9 * degrees)
+    z = ((chi_square / degrees) ** (1 / 3) - (1 - spread)) / math.sqrt(spread)
+    return Dispersion(chi_square / degrees, degrees, 2 * NormalDist().cdf(-abs(z)))
+
+
+def ties_are_rounded(times: Array, sizes: Array, counts: Array) -> bool:
+    """Whether as many orders have equal times as rounding the times of single orders would cause."""
+    unit = int(np.gcd.reduce(np.diff(times))) if len(times) > 1 else 1
+    slots = max(SECONDS_OF_HOUR // max(unit, 1), 1)
+    busy = counts[counts > 0].astype(float)
+    expected = float((busy - slots * (1 - (1 - 1 / slots) ** busy)).sum())
+    ties = int((sizes - 1).sum())
+    return ties <= expected + max(TIES_SIGMA * math.sqrt(expected), TIES_SHARE * float(sizes.sum()))
+
+
+def fitted_batch(sizes: Array) -> Batch:
+    """The sizes of batches as the key `batch`: a number, geometric, or SIZES equally likely sizes."""
+    mean = round(float(sizes.mean()), 4)
+    if (sizes == sizes[0]).all():
+        return int(sizes[0])
+    geometric: Batch = {"exponential": mean}
+    if all(
+        abs(fitted - real) <= max(1.0, SIZE_ERROR * real)
+        for fitted, real in zip(quantiles_of(geometric), size_quantiles(sizes), strict=True)
+    ):
+        return geometric
+    # The mean size of each hundredth: it keeps the rare large ones.
+    parts = np.array_split(np.sort(sizes), min(SIZES, len(sizes)))
+    levels = [max(1, round(float(part.mean()))) for part in parts]
+    common = math.gcd(*np.unique(levels, return_counts=True)[1].tolist())
+    return {"empirical": levels[::common]}
+
+
+def batch_sizes(batch: Batch) -> list[int]:
+    """Equally likely sizes of a batch."""
+    if isinstance(batch, int):
+        return [batch]
+    if "empirical" in batch:
+        return list(batch["empirical"])
+    shares = (np.arange(10 * SIZES) + 0.5) / (10 * SIZES)
+    chance = min(1 / batch["exponential"], 1 - 1e-12)
+    sizes: list[int] = np.ceil(np.log1p(-shares) / math.log1p(-chance)).astype(int).tolist()
+    return sizes
+
+
+def quantiles_of(batch: Batch) -> list[int]:
+    """The sizes of a batch at SIZE_SHARES."""
+    return size_quantiles(np.array(batch_sizes(batch)))
+
+
+def size_quantiles(sizes: Array) -> list[int]:
+    """The size that each of SIZE_SHARES has at most."""
+    at_most: list[int] = np.quantile(sizes, SIZE_SHARES, method="inverted_cdf").tolist()
+    return at_most
+
+
+def week_csv(rates: Array) -> str:
+    """Rates as the file of a profile; days without orders have no rows."""
+    rows = ["weekday,hour,orders"]
+    for day, of_day in enumerate(rates.reshape(DAYS_OF_WEEK, HOURS_OF_DAY).tolist(), 1):
+        if any(of_day):
+            rows += [f"{day},{hour},{_plain(rate)}" for hour, rate in enumerate(of_day)]
+    return "\n".join([*rows, ""])
+
+
+def _plain(rate: float) -> str:
+    return f"{rate:.4f}".rstrip("0").rstrip(".")

@@ -1,0 +1,68 @@
+"""`automaton calibrate --orders FILE` without a log: fit the demand of a week to a file of orders.
+
+`compare` reads orders with these options, too.
+"""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from automaton.atomic_write import atomic_writer
+from automaton.calibration.demand import check_weeks, fit_demand, read_releases, week_csv
+from automaton.commands.arguments import check_writable, note, output_of
+from automaton.errors import InputError, nearest
+
+CSV: tuple[str, ...] = (".csv",)
+
+
+def add_orders_arguments(parser: argparse.ArgumentParser, text: str, several: bool = False) -> None:
+    """The file of orders and how to read it: `orders`, `order_columns` and `order_time`."""
+    add = parser.add_argument
+    action = "append" if several else "store"
+    add("--orders", type=Path, action=action, metavar="FILE", help=text)
+    add(
+        "--order-column",
+        action="append",
+        default=[],
+        dest="order_columns",
+        metavar="FIELD=NAME",
+        help="the column of a field of --orders, such as released=CREATED; may be repeated",
+    )
+    text = 'the format of times in --orders, such as "%%d.%%m.%%Y %%H:%%M" (default: ISO 8601)'
+    add("--order-time", metavar="FORMAT", help=text)
+
+
+def order_columns(args: argparse.Namespace, fields: tuple[str, ...]) -> dict[str, str] | None:
+    """The names of columns by field; None: columns have the names of fields. Raises InputError."""
+    columns = {}
+    for text in args.order_columns:
+        field, sign, name = text.partition("=")
+        if field not in fields or not sign or not name:
+            hint = nearest(field, fields)
+            known = ", ".join(fields)
+            raise InputError(
+                f"'{text}' is not FIELD=NAME{hint}; fields are {known}", "--order-column"
+            )
+        columns[field] = name
+    return columns or None
+
+
+def fit_orders(args: argparse.Namespace) -> int:
+    """Fit the demand, write the file of rates, print. Raises InputError."""
+    if args.out is None or args.out.suffix.lower() not in CSV:
+        text = "without a log, --orders needs --out FILE.csv for the rates of the week"
+        raise InputError(text)
+    output = output_of(args, "--report")
+    check_writable(args.out)
+    columns = order_columns(args, ("released",))
+    demand = fit_demand(read_releases(args.orders, columns, args.order_time))
+    check_weeks(demand, str(args.orders))
+    with atomic_writer(args.out) as stream:
+        stream.write(week_csv(demand.rates).encode())
+    note(f"wrote {args.out}")
+    from automaton.calibration.demand_report import demand_document, demand_record
+
+    named = str(args.orders), str(args.out)
+    output.write(lambda: demand_document(demand, *named), lambda: demand_record(demand, *named))
+    return 0

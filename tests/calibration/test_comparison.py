@@ -1,0 +1,204 @@
+"""A model beside days of a site: what is measured, the orders of a day, and the verdict."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from automaton.calibration import agreement as judged
+from automaton.calibration.agreement import DayResult, agreement, combined, days_needed, holm
+from automaton.calibration.fleet_trace import (
+    FleetTrace,
+    MeasurePlan,
+    TraceSampler,
+    measured,
+    trace_of_log,
+)
+from automaton.calibration.log_on_floor import placed
+from automaton.calibration.site_day import Site, read_day
+from automaton.calibration.state_log import read_log
+from automaton.commands import main
+from automaton.engine.state import NIL
+from automaton.errors import InputError
+from automaton.runs.headless import Sampling, run_to_end
+from automaton.runs.simulation import Simulation
+from automaton.world.resolve import resolve
+
+SCENARIO = """\
+name: site
+layout:
+  picture: |
+    t..t
+    .##.
+    t..t
+fleet: {robots: 2, kinematics: omni, start: [[1, 0], [2, 0]]}
+units: {tick: 1 s, cell: 1 m, clock: "2026-03-02 06:00"}
+durations: {pick: 4, drop: 3, handling_jitter: 2}
+locations: {north: [0, 0], south: [3, 2]}
+orders: {generator: stations, count: 40, mean_interarrival_time: 16}
+strategy: {allocation: first-come, right_of_way: retreat}
+stop: {when: never, max_duration: 600}
+"""
+HOURS = [f"hour {k}" for k in range(4)]
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A site, a run of it, and the log of the run."""
+    folder = tmp_path_factory.mktemp("site")
+    (folder / "site.yaml").write_text(SCENARIO, encoding="utf-8")
+    scenario, recording = str(folder / "site.yaml"), str(folder / "day.rec")
+    assert main(["run", scenario, "--record", recording]) == 0
+    assert main(["export", recording, "--vda5050", str(folder / "day.jsonl"), "--every", "2s"]) == 0
+    return folder
+
+
+def site_in(folder: Path) -> Site:
+    scenario = str(folder / "site.yaml")
+    return Site(scenario, (), None, resolve(scenario), {}, None, None)
+
+
+def plan(trace: FleetTrace, *busiest: int, stretch: int = NIL) -> MeasurePlan:
+    """A plan for a small trace, with one stretch: a cell."""
+    of = np.full(100, NIL, np.int32)
+    of[stretch if stretch != NIL else 99] = 0
+    return MeasurePlan(1, len(trace.cell), trace.period, of, 1, busiest, np.zeros(0))
+
+
+def trace_of(cells: str, orders: str, loads: str) -> FleetTrace:
+    """One robot: the cell, the order and the load in each sample, 10 s apart; "." for none."""
+    cell, order = (
+        np.array([[NIL if one == "." else int(one)] for one in text], np.int32)
+        for text in (cells, orders)
+    )
+    return FleetTrace(10.0, cell, order, np.array([[one == "1"] for one in loads]))
+
+
+def test_the_trace_of_a_log_is_that_of_the_run(folder: Path) -> None:
+    site = site_in(folder)
+    log = read_log([folder / "day.jsonl"])
+    place = placed(log, site.base.floor_plan, site.base.scenario.units)
+    simulation = Simulation(site.base)
+    of_run = plan(trace_of("0" * 301, "." * 301, "0" * 301))._replace(ticks=2, period=2.0)
+    sampler = TraceSampler(of_run, 2)
+    run_to_end(simulation, sampling=Sampling(2, sampler, None))
+    trace = trace_of_log(log, place, int(log.samples.time.min()), 2.0, 301)
+    numbers = np.array([*map(int, log.orders), NIL])
+    assert np.array_equal(trace.cell, sampler.trace.cell)
+    assert np.array_equal(numbers[trace.order], sampler.trace.order)
+    assert np.array_equal(trace.load, sampler.trace.load)
+
+
+def test_quantities_of_a_trace() -> None:
+    #                 a pick in cell 2 for 30 s, a drop in cell 5 for 20 s; back without an order
+    trace = trace_of("012223455432", ".000000...11", "000011110000")
+    of = measured(trace, plan(trace, 3, stretch=2))
+    assert of["orders an hour"] == pytest.approx(1 / 110 * 3600)  # the second one is not done
+    assert of["lead time"] == of["lead time p95"] == 60
+    assert of["time on orders"] == pytest.approx(8 / 12)
+    assert of["time at pick-ups"] == 30
+    assert of["empty share"] == pytest.approx(5 / 8)
+    assert of["stretch 0"] == 40  # 30 s of the pick, and once more on the way back
+    assert np.isnan(of["headway 0"])  # of two entries
+    released = plan(trace)._replace(released=np.array([-20.0, 90.0]))
+    assert measured(trace, released)["lead time"] == 90
+
+
+def test_orders_are_recovered_from_a_log_and_run_again(folder: Path) -> None:
+    day = read_day(site_in(folder), folder / "day.jsonl", None)
+    listed = day.resolved.scenario.orders.listed
+    simulation = Simulation(resolve(str(folder / "site.yaml")))
+    simulation.run(600)
+    orders = simulation.world.orders
+    assert listed is not None and 20 < len(listed) < 40  # without those near the end
+    floor_plan = day.resolved.floor_plan
+    slots = [floor_plan.xy(cell) for cell in floor_plan.slots.tolist()]
+    pairs = zip(orders.source.tolist(), orders.target.tolist(), strict=True)
+    ends = {(slots[a], slots[b]) for a, b in pairs}
+    assert all(one.ends in ends for one in listed)
+    assert [one.release for one in listed] == sorted(one.release for one in listed)
+    assert set(np.unique(day.trace.order).tolist()) == {NIL, *range(len(listed))}
+    stop = day.resolved.scenario.stop
+    assert (stop.when, stop.max_duration) == ("never", 600)
+
+
+def test_lead_times_begin_at_the_release_if_a_file_names_the_orders(folder: Path) -> None:
+    simulation = Simulation(resolve(str(folder / "site.yaml")))
+    release = simulation.world.orders.release_tick.tolist()
+    rows = [
+        f"{k},north,south,2026-03-02 06:{at // 60:02}:{at % 60:02}" for k, at in enumerate(release)
+    ]
+    head = ["order,from,to,released", "99,north,south,2026-03-01 06:00"]  # of the day before
+    path = folder / "orders.csv"
+    path.write_text("\n".join([*head, *rows]) + "\n", encoding="utf-8")
+    day = read_day(site_in(folder), folder / "day.jsonl", path)
+    assert day.released.tolist() == [float(at) for at in release if at < 600]
+    assert f"{len(day.released)} orders of orders.csv" in " ".join(day.notes)
+    path.write_text("\n".join(head) + "\n", encoding="utf-8")
+    with pytest.raises(InputError, match=r"orders.csv: no order is released during the log"):
+        read_day(site_in(folder), folder / "day.jsonl", path)
+
+
+def test_a_log_whose_orders_have_no_ends_needs_their_file(folder: Path) -> None:
+    messages = [json.loads(line) for line in (folder / "day.jsonl").read_text().splitlines()]
+    path = folder / "unloaded.jsonl"
+    path.write_text("".join(json.dumps({**one, "loads": []}) + "\n" for one in messages))
+    with pytest.raises(InputError, match=r"shows both ends of only 0 % .* --orders"):
+        read_day(site_in(folder), path, None)
+
+
+# Verdicts, on random quantities.
+
+
+def days(count: int, draw: Any, shift: float = 0.0, runs: int = 50) -> list[DayResult]:
+    """Days whose quantities and runs have equal distributions, but for a relative shift of the days."""
+
+    def sample(factor: float) -> dict[str, float]:
+        names = ["orders an hour", "lead time", "time on orders", *HOURS, "stretch 0", "stretch 1"]
+        return {name: 100 * factor * (1 + 0.03 * draw.standard_normal()) for name in names}
+
+    return [
+        DayResult(f"day {k}", 0, sample(1 + shift), [sample(1.0) for _ in range(runs)])
+        for k in range(count)
+    ]
+
+
+def test_a_right_model_rarely_differs_and_a_wrong_one_is_found() -> None:
+    draw = np.random.default_rng(1)
+    single = [agreement(days(1, draw)).verdict for _ in range(200)]
+    assert single.count(judged.DIFFERS) <= 20  # 10 expected at 5 %; standard deviation 3
+    assert single.count(judged.MATCHES) == 0  # one day has no spread
+    several = [agreement(days(8, draw)).verdict for _ in range(20)]
+    assert several.count(judged.MATCHES) >= 17
+    wrong = agreement(days(8, draw, shift=0.08))
+    assert wrong.verdict == judged.DIFFERS and wrong.first is not None
+    assert wrong.differences[0].verdict == judged.DIFFERS
+    assert {one.stretch for one in wrong.stretches} == {0, 1}
+
+
+def test_days_for_a_match_grow_with_the_square_of_their_spread() -> None:
+    assert [days_needed(spread, 0.05) for spread in (0.03, 0.05, 0.1)] == [4, 11, 44]
+    few = agreement(days(2, np.random.default_rng(3)))
+    assert few.differences[0].days_needed == 2 or few.differences[0].verdict != judged.MATCHES
+
+
+def test_p_values_are_combined_and_adjusted() -> None:
+    assert combined([0.2]) == pytest.approx(0.2)
+    assert combined([0.1, 0.1]) == pytest.approx(0.0561, abs=1e-4)  # chi-square of 9.21, 4 degrees
+    assert holm([0.01, 0.04, 0.03]) == pytest.approx([0.03, 0.06, 0.06])
+
+
+def test_compare_prints_its_verdict(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    command = ["compare", str(folder / "site.yaml"), str(folder / "day.jsonl"), "--runs", "20"]
+    command += ["--workers", "1", "--seed", "50"]
+    assert main([*command, "--json"]) == 1
+    record = json.loads(capsys.readouterr().out)
+    assert record["verdict"] == "cannot be said" and record["days"][0]["p"] > 0.05
+    assert "too few days" in record["reasons"][0]
+    orders = ["--orders", "a.csv", "--orders", "b.csv"]
+    assert main([*command, *orders]) == 2
+    assert "--orders is there 2 times, but there are 1 log" in capsys.readouterr().err

@@ -98,7 +98,7 @@ class StretchDifference(NamedTuple):
     stretch: int
     real: float
     simulated: float
-    p: float  # adjusted by Holm over all stretches; 1: one day
+    p: float  # adjusted for all tests of the comparison; 1: one day
 
 
 class Agreement(NamedTuple):
@@ -131,7 +131,9 @@ def agreement(days: Sequence[DayResult]) -> Agreement:
     ]
     p_days = combined([band.p for band in bands])
     if len(days) > 1:  # the bands cover all quantities, so they have half of the error
-        p_days, quantities = min(1.0, 2 * p_days), [min(1.0, 2 * p) for p in holm(quantities)]
+        p_days, least = min(1.0, 2 * p_days), quantities[0]
+        quantities = [min(1.0, 2 * p) for p in holm(quantities)]
+        stretches = [one._replace(p=min(1.0, one.p * quantities[0] / least)) for one in stretches]
     differences = [
         difference(days, name, ratios[name], p)
         for name, p in zip(names, quantities[1:], strict=True)

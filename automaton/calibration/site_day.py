@@ -22,7 +22,7 @@ from automaton.calibration.state_log import StateLog, read_log
 from automaton.errors import InputError
 from automaton.floor.floor_plan import CELL_KINDS, NIL, FloorPlan
 from automaton.floor.reachability import slot_access
-from automaton.scenario.document import Override
+from automaton.scenario.document import Document, Override, override, parse
 from automaton.scenario.quantities import SECONDS_OF_DAY
 from automaton.scenario.table_fields import NOTHING, TableOptions, TextField
 from automaton.scenario.table_reader import NO_TIMES, read_columns
@@ -134,15 +134,14 @@ def orders_of_file(site: Site, log: StateLog, path: Path, begin: int, ticks: int
 
     Raises InputError.
     """
-    scenario = site.base.unrefined.scenario
+    scenario, written = site.base.unrefined.scenario, written_orders(site)
     file: dict[str, Any] = {"file": str(path.resolve())}
     file |= {"time": site.order_time} if site.order_time else {}
+    file |= {"columns": dict(site.order_columns)} if site.order_columns else {}
     if scenario.orders.lines is not None:
-        lines = {**plain_options(scenario.orders.lines), **file}
-        return DayOrders({"lines": lines}, same_numbers(log), np.zeros(0), ())
-    transports = {**plain_options(scenario.orders.transports), **file}
-    if site.order_columns is not None:
-        transports["columns"] = dict(site.order_columns)
+        section = {"lines": {**options_in(written, "lines"), **file}}
+        return DayOrders(section, same_numbers(log), np.zeros(0), ())
+    transports = {**options_in(written, "transports"), **file}
     settings = (
         *site.settings,
         clock_setting(site, begin, SECONDS_OF_DAY),
@@ -181,11 +180,17 @@ def orders_of_file(site: Site, log: StateLog, path: Path, begin: int, ticks: int
     return DayOrders({"list": entries}, number_of, release * float(tick), tuple(notes))
 
 
-def plain_options(section: Any) -> dict[str, Any]:
-    """The keys of a section of orders that say how its file is read."""
-    if section is None or getattr(section, "file", None) is None:
-        return {}
-    return {key: value for key, value in msgspec.to_builtins(section).items() if value is not None}
+def written_orders(site: Site) -> Mapping[str, Any]:
+    """The section `orders` as the scenario has it, before its files were read."""
+    data, _ = parse(site.base.source, None)
+    orders: Mapping[str, Any] = override(Document(data), site.settings).data.get("orders") or {}
+    return orders
+
+
+def options_in(orders: Mapping[str, Any], key: str) -> Mapping[str, Any]:
+    """How the file in a section of orders is read; {} if the section names no file."""
+    section = orders.get(key)
+    return section if isinstance(section, dict) and "file" in section else {}
 
 
 def same_numbers(log: StateLog) -> Array:

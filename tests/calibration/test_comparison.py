@@ -57,9 +57,9 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def site_in(folder: Path) -> Site:
+def site_in(folder: Path, *settings: str) -> Site:
     scenario = str(folder / "site.yaml")
-    return Site(scenario, (), None, resolve(scenario), {}, None, None)
+    return Site(scenario, settings, None, resolve(scenario, settings), {}, None, None)
 
 
 def plan(trace: FleetTrace, *busiest: int, stretch: int = NIL) -> MeasurePlan:
@@ -132,15 +132,17 @@ def test_lead_times_begin_at_the_release_if_a_file_names_the_orders(folder: Path
     rows = [
         f"{k},north,south,2026-03-02 06:{at // 60:02}:{at % 60:02}" for k, at in enumerate(release)
     ]
-    head = ["order,from,to,released", "99,north,south,2026-03-01 06:00"]  # of the day before
+    head = ["order,from,to,CREATED", "99,north,south,2026-03-01 06:00"]  # of the day before
     path = folder / "orders.csv"
     path.write_text("\n".join([*head, *rows]) + "\n", encoding="utf-8")
-    day = read_day(site_in(folder), folder / "day.jsonl", path)
+    columns = "{order: order, from: from, to: to, released: CREATED}"
+    site = site_in(folder, f"orders={{transports: {{file: orders.csv, columns: {columns}}}}}")
+    day = read_day(site, folder / "day.jsonl", path)
     assert day.released.tolist() == [float(at) for at in release if at < 600]
     assert f"{len(day.released)} orders of orders.csv" in " ".join(day.notes)
     path.write_text("\n".join(head) + "\n", encoding="utf-8")
     with pytest.raises(InputError, match=r"orders.csv: no order is released during the log"):
-        read_day(site_in(folder), folder / "day.jsonl", path)
+        read_day(site, folder / "day.jsonl", path)
 
 
 def test_a_log_whose_orders_have_no_ends_needs_their_file(folder: Path) -> None:

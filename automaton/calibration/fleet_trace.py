@@ -34,7 +34,7 @@ ORDER_SHARE: Final = "time on orders"
 EMPTY_SHARE: Final = "empty share"
 PICK_TIME: Final = "time at pick-ups"
 DROP_TIME: Final = "time at drop-offs"
-HOUR: Final = "hour "  # prefixes of quantities that are there several times
+HOURLY: Final = "hour "  # prefixes of quantities that are there several times
 HEADWAY: Final = "headway "
 STRETCH: Final = "stretch "
 
@@ -145,7 +145,7 @@ def measured(trace: FleetTrace, plan: MeasurePlan) -> dict[str, float]:
         PICK_TIME: standing_time(trace, dwell, ~trace.load[:-1] & trace.load[1:]),
         DROP_TIME: standing_time(trace, dwell, trace.load[:-1] & ~trace.load[1:]),
         EMPTY_SHARE: float((moved & ~trace.load[1:]).sum() / entries) if entries else np.nan,
-        **{f"{HOUR}{k}": float(many) for k, many in enumerate(hours[: trace.hours].tolist())},
+        **{f"{HOURLY}{k}": float(many) for k, many in enumerate(hours[: trace.hours].tolist())},
         **{
             f"{HEADWAY}{k}": headway(moved, trace.cell[1:], cell, trace.period)
             for k, cell in enumerate(plan.busiest)

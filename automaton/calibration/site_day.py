@@ -39,7 +39,7 @@ OPTIONS: Final = ("file", "sheet", "where", "encoding")  # that decide which row
 EPOCH: Final = datetime.datetime(1970, 1, 1)
 
 
-class Site(NamedTuple):
+class ComparedSite(NamedTuple):
     """A scenario, and how logs and files of orders are read."""
 
     scenario: str
@@ -74,7 +74,7 @@ class DayOrders(NamedTuple):
     notes: tuple[str, ...]
 
 
-def read_day(site: Site, path: Path, orders: Path | None) -> SiteDay:
+def read_day(site: ComparedSite, path: Path, orders: Path | None) -> SiteDay:
     """Read the log of a day, and its orders. Raises InputError."""
     log = read_log([path], site.log_columns)
     scenario, floor_plan = site.base.unrefined.scenario, site.base.floor_plan
@@ -114,7 +114,7 @@ def read_day(site: Site, path: Path, orders: Path | None) -> SiteDay:
     return SiteDay(path.stem, begin, fine, trace, resolved, day.released, tuple(notes))
 
 
-def clock_setting(site: Site, begin: int, before: float = 0) -> Override:
+def clock_setting(site: ComparedSite, begin: int, before: float = 0) -> Override:
     """The clock of a scenario at the start of a log, or some seconds before."""
     clock = site.base.unrefined.scenario.units.scale.clock
     offset = 0 if clock is None or clock.offset is None else clock.offset
@@ -129,7 +129,9 @@ def clock_setting(site: Site, begin: int, before: float = 0) -> Override:
 # Orders from a file.
 
 
-def orders_of_file(site: Site, log: StateLog, path: Path, begin: int, ticks: int) -> DayOrders:
+def orders_of_file(
+    site: ComparedSite, log: StateLog, path: Path, begin: int, ticks: int
+) -> DayOrders:
     """The orders of a file that are released during a log, or that a robot of the log does.
 
     Raises InputError.
@@ -180,7 +182,7 @@ def orders_of_file(site: Site, log: StateLog, path: Path, begin: int, ticks: int
     return DayOrders({"list": entries}, number_of, release * float(tick), tuple(notes))
 
 
-def written_orders(site: Site) -> Mapping[str, Any]:
+def written_orders(site: ComparedSite) -> Mapping[str, Any]:
     """The section `orders` as the scenario has it, before its files were read."""
     data, _ = parse(site.base.source, None)
     orders: Mapping[str, Any] = override(Document(data), site.settings).data.get("orders") or {}

@@ -70,14 +70,16 @@ def run(args: argparse.Namespace) -> int:
     from automaton.calibration.agreement import MATCHES
     from automaton.calibration.agreement_report import agreement_document, agreement_record
     from automaton.calibration.compared_days import compare_days
-    from automaton.calibration.site_day import Site, read_day
+    from automaton.calibration.site_day import ComparedSite, read_day
     from automaton.world.resolve import resolve
 
     base = resolve(args.scenario, args.settings, args.seed)
     print_warnings(base)
     named = order_columns(args, TransportColumns.__struct_encode_fields__)
     settings = tuple(args.settings)
-    site = Site(args.scenario, settings, args.seed, base, args.columns, named, args.order_time)
+    site = ComparedSite(
+        args.scenario, settings, args.seed, base, args.columns, named, args.order_time
+    )
     none: list[Path | None] = [None]
     of_log = [*orders] if len(orders) > 1 else [*(orders or none)] * len(args.logs)
     days = [read_day(site, log, file) for log, file in zip(args.logs, of_log, strict=True)]

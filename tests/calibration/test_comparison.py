@@ -19,7 +19,7 @@ from automaton.calibration.fleet_trace import (
     trace_of_log,
 )
 from automaton.calibration.log_on_floor import placed
-from automaton.calibration.site_day import Site, read_day
+from automaton.calibration.site_day import ComparedSite, read_day
 from automaton.calibration.state_log import read_log
 from automaton.commands import main
 from automaton.engine.state import NIL
@@ -57,9 +57,9 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def site_in(folder: Path, *settings: str) -> Site:
+def site_in(folder: Path, *settings: str) -> ComparedSite:
     scenario = str(folder / "site.yaml")
-    return Site(scenario, settings, None, resolve(scenario, settings), {}, None, None)
+    return ComparedSite(scenario, settings, None, resolve(scenario, settings), {}, None, None)
 
 
 def plan(trace: FleetTrace, *busiest: int, stretch: int = NIL) -> MeasurePlan:

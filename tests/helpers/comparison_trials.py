@@ -1,4 +1,4 @@
-"""Check the verdicts of `compare` on days that are simulated, too.
+"""Check the verdicts of `compare` on days that are simulated, too: run by hand.
 
     python tests/helpers/comparison_trials.py truth [DAYS]      the model is right
     python tests/helpers/comparison_trials.py planted [SERIES]  one thing is wrong in the model

@@ -494,9 +494,10 @@ class RecordedRun:
         a different past.
         """
         from automaton.history.playback import Playback
-        from automaton.recording.frames import changed, resolved_of
+        from automaton.recording.frames import changed, check_simulated, resolved_of
         from automaton.runs.headless import PastRules, computed
 
+        check_simulated(self._recording.header, "a simulation", self.path)
         tick = self._tick(at)
         header, frames = self._recording.header, self._recording.stored()
         try:

@@ -12,12 +12,14 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 
-from automaton.calibration.motion_fits import Fit, Track
+from automaton.calibration.motion_fits import STILL, Fit, Track
 
 Array = np.ndarray[Any, Any]
 
 STATES: Final = ("move", "turn", "pick", "drop", "wait")
-WINDOW_S: Final = 600.0
+WINDOWS_S: Final = (60.0, 3600.0)  # range of the length of windows
+COMMON: Final = 0.05  # share of messages in motion
+RESOLUTION_STEPS: Final = 50
 RESAMPLES: Final = 200
 TRIMS: Final = 2
 OUTLIER: Final = 6.0  # medians of the absolute error
@@ -35,17 +37,17 @@ class DrainFit(NamedTuple):
 
 
 def state_seconds(
-    track: Track, usual: Array, turn_seconds: float, operations: dict[str, float]
+    track: Track, usual: Array, turn_seconds: Array, operations: dict[str, float]
 ) -> dict[str, Array]:
     """(n,) seconds of each state between each message and the next; the rest of the time is waiting.
 
-    `usual`: (n,) usual speed in cells per second; `operations`: seconds of a pick and of a drop. Time in
-    motion is the path at the usual speed; a change of the load is a pick or a drop, even if no message
-    shows it.
+    `usual`: (n,) usual speed in cells per second; `turn_seconds`: (n,) of a turn; `operations`: seconds
+    of a pick and of a drop. Time in motion is the path at the usual speed; a change of the load is a pick
+    or a drop, even if no message shows it.
     """
     seconds = np.append(np.diff(track.seconds), 0.0)
-    moves = track.driving | np.append(track.driving[1:], False)
     way = sum(abs(np.append(np.diff(one), 0.0)) for one in (track.column, track.row))
+    moves = track.driving | np.append(track.driving[1:], False) | (way > STILL)
     with np.errstate(divide="ignore", invalid="ignore"):
         out = {"move": np.where(moves & (usual > 0), np.nan_to_num(way / usual), 0.0)}
     turned = np.append(np.diff(track.heading.astype(np.int64)), 0) % 4
@@ -69,9 +71,8 @@ def fit_drains(
     rows = np.flatnonzero(usable)
     if not len(rows):
         return None
-    window = np.floor(track.seconds[rows] / WINDOW_S).astype(np.int64)
-    key = np.append(True, (np.diff(window) != 0) | (np.diff(track.robot[rows]) != 0))
-    first = np.flatnonzero(key)
+    begins = window_begins(track, window_seconds(change[rows], track.seconds))
+    first = np.flatnonzero(begins[rows] | np.append(True, np.diff(rows) > 1))
     load = track.loaded & np.append(track.loaded[1:], False)
     half = track.loaded ^ np.append(track.loaded[1:], False)
     share = (load + 0.5 * half)[rows]
@@ -109,6 +110,33 @@ def fit_drains(
         for k in range(table.shape[1])
     ]
     return DrainFit(dict(zip(names, fits, strict=False)), fits[-1] if has_factor else None)
+
+
+def window_seconds(change: Array, seconds: Array) -> float:
+    """The length of windows in which the charge falls by many steps of its resolution."""
+    steps = abs(change[change != 0])
+    if not len(steps):
+        return WINDOWS_S[1]
+    elapsed = float(np.median(np.diff(seconds))) * len(change)
+    rate = float(steps.sum()) / max(elapsed, 1.0)
+    return float(np.clip(RESOLUTION_STEPS * float(steps.min()) / rate, *WINDOWS_S))
+
+
+def window_begins(track: Track, length: float) -> Array:
+    """(n,) bool: messages at which windows begin, in motion and at the centre of a cell.
+
+    So no operation belongs to two windows, and no move of a simulated robot, which uses its energy as it
+    begins.
+    """
+    moving = track.driving & ~track.acts
+    at_centre = (track.column % 1 == 0) & (track.row % 1 == 0)
+    is_common = (moving & at_centre).sum() > COMMON * moving.sum()
+    candidates = np.flatnonzero(moving & at_centre if is_common else moving)
+    number = np.floor(track.seconds[candidates] / length)
+    is_new = np.append(True, (np.diff(number) != 0) | (np.diff(track.robot[candidates]) != 0))
+    out = np.zeros(len(track.seconds), bool)
+    out[candidates[is_new[: len(candidates)]]] = True
+    return out
 
 
 def _solve(

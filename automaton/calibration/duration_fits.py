@@ -274,7 +274,8 @@ def fit_durations(data: Censored, seed: int = 0) -> DurationFit:
     best = min(fits, key=lambda fit: fit.aic)
     if best.spread and best.spread * best.mean < 2 * data.error:
         best = fits[0]  # the stamps err as much as such durations differ
-    return best._replace(p=family_p(data, best, seed), empirical=empirical_quantiles(data))
+    p = math.nan if best.family == "constant" else family_p(data, best, seed)
+    return best._replace(p=p, empirical=empirical_quantiles(data))
 
 
 def family_p(data: Censored, fit: DurationFit, seed: int) -> float:

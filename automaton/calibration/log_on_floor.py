@@ -31,6 +31,7 @@ NEAR_BEST: Final = 0.002  # share below the best fit at which a simpler one is p
 NEAR_CENTRE: Final = 0.15  # cells
 MIN_CELLS: Final = 20  # that robots visit, if another unit fits
 SAME_FIT: Final = 1e-6  # difference of shares that counts as none
+FAR_M: Final = 1e9  # beyond every site
 QUARTER: Final = math.pi / 2
 NAMED: Final = {"mm": "millimetres", "cm": "centimetres", "ft": "feet", "in": "inches"}
 
@@ -52,7 +53,8 @@ def placed(log: StateLog, floor_plan: FloorPlan, units: Units, snap: float = SNA
     """
     samples = log.samples
     metres = float(units.scale.cell_metres)
-    column, row = _in_cells(*_local(samples.x, samples.y, units), metres, floor_plan)
+    x, y = (np.clip(one, -FAR_M, FAR_M) for one in (samples.x, samples.y))
+    column, row = _in_cells(*_local(x, y, units), metres, floor_plan)
     known = np.isfinite(column) & np.isfinite(row)
     near_column, near_row = (np.rint(np.where(known, at, NIL)) for at in (column, row))
     inside = known & (near_column >= 0) & (near_column < floor_plan.stride)
@@ -101,8 +103,8 @@ def _in_cells(x: Array, y: Array, metres: float, floor_plan: FloorPlan) -> tuple
 def _headings(theta: Array) -> Array:
     """(n,) int8 the nearest of the four headings, or NIL."""
     known = np.isfinite(theta)
-    quarters = np.rint(-np.where(known, theta, 0) / QUARTER).astype(np.int64) & 3
-    return np.where(known, quarters, NIL).astype(np.int8)
+    quarters = np.rint(-np.remainder(np.where(known, theta, 0), math.tau) / QUARTER)
+    return np.where(known, quarters.astype(np.int64) & 3, NIL).astype(np.int8)
 
 
 def _edges(
@@ -169,7 +171,10 @@ class Fit(NamedTuple):
 
 def _nearest_fit(samples: Samples, floor_plan: FloorPlan, metres: float) -> str:
     """What puts the positions on the floor, as a phrase."""
-    known = np.flatnonzero(np.isfinite(samples.x) & np.isfinite(samples.y))
+    near = (np.abs(samples.x) < FAR_M) & (np.abs(samples.y) < FAR_M)  # False: not known, too
+    known = np.flatnonzero(near)
+    if not len(known):
+        return "none is a place"
     some = known[:: max(1, len(known) // MAX_FITTED)]
     # Too small a unit puts all robots in a few cells, wherever they were.
     least = min(MIN_CELLS, int(floor_plan.drivable.sum()) // 4)

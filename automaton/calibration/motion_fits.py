@@ -22,7 +22,8 @@ from automaton.floor.floor_plan import DIRECTION_VECTORS, EAST, NIL, NORTH, SOUT
 Array = np.ndarray[Any, Any]
 
 CELLS_AHEAD: Final = 4  # in which another robot obstructs
-WINDOW_S: Final = 5.0  # least time over which a speed is taken: stamps err by tenths of a second
+WINDOW_S: Final = 5.0  # over which a speed is taken if possible: stamps err by tenths of a second
+ENOUGH_WINDOWS: Final = 100
 LATERAL: Final = 0.15  # cells; a straight pair does not move farther aside
 STILL: Final = 0.15  # cells; noise of positions moves a standing robot less far
 CORE: Final = 2.5  # standard deviations beyond which slow pairs were obstructed
@@ -147,32 +148,32 @@ def pairs_of(track: Track) -> Pairs:
 
 
 def speed_windows(track: Track, pairs: Pairs, chosen: Array) -> Array:
-    """Speeds over runs of free pairs, each at least WINDOW_S long unless messages are rarer.
+    """Speeds over runs of free pairs, in windows of WINDOW_S and what remains of a run.
 
-    Pairs at the ends of a run are left out where there are others: the robot may have stood there.
+    Pairs at the ends of a run are left out where there are enough others: the robot may have stood there.
     """
     free = pairs.free & chosen
-    inner = free & np.roll(free, 1) & np.roll(free, -1)
     gap = message_gap(track.seconds, track.usable)
-    if gap < WINDOW_S / 2:
-        free = inner
+    inner = free & np.roll(free, 1) & np.roll(free, -1)
+    if gap < WINDOW_S / 2 and len(out := _windows(pairs, inner, gap)) >= ENOUGH_WINDOWS:
+        return out
+    return _windows(pairs, free, gap)
+
+
+def _windows(pairs: Pairs, free: Array, least: float) -> Array:
+    """Speeds over windows of at least about `least` seconds."""
     run = np.cumsum(np.append(True, ~(free[1:] & free[:-1])))[free]
     if not len(run):
         return np.zeros(0)
     seconds = pairs.seconds[free]
-    begin = np.append(True, run[1:] != run[:-1])
-    elapsed = np.cumsum(seconds)
-    since = (
-        elapsed
-        - seconds
-        - np.repeat((elapsed - seconds)[begin], np.diff(np.append(np.flatnonzero(begin), len(run))))
-    )
+    begin = np.flatnonzero(np.append(True, run[1:] != run[:-1]))
+    before = np.cumsum(seconds) - seconds
+    since = before - np.repeat(before[begin], np.diff(np.append(begin, len(run))))
     window = np.floor(since / WINDOW_S)
     first = np.flatnonzero(np.append(True, (run[1:] != run[:-1]) | (window[1:] != window[:-1])))
     time = np.add.reduceat(seconds, first)
     way = sum(abs(np.add.reduceat(one[free], first)) for one in (pairs.across, pairs.down))
-    long = time >= min(WINDOW_S, gap) * 0.8
-    out: Array = (way / time)[long]
+    out: Array = (way / time)[time >= 0.8 * least]
     return out
 
 
@@ -194,13 +195,13 @@ def core(values: Array, sign: int = 1) -> Array:
     return kept
 
 
-def median_fit(values: Array) -> Fit:
+def median_fit(values: Array, level: float = LEVEL) -> Fit:
     """The median with an interval of order statistics."""
     from scipy.stats import binom
 
     ordered = np.sort(values)
     n = len(ordered)
-    rank = int(binom.ppf((1 - LEVEL) / 2, n, 0.5))
+    rank = int(binom.ppf((1 - level) / 2, n, 0.5))
     low, high = ordered[max(rank - 1, 0)], ordered[min(n - rank, n - 1)]
     return Fit(float(np.median(ordered)), float(low), float(high), n)
 

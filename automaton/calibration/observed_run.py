@@ -8,6 +8,8 @@ from __future__ import annotations
 
 import datetime
 import re
+from collections import Counter, deque
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final, NamedTuple
@@ -27,12 +29,15 @@ from automaton.calibration.robot_timelines import (
 from automaton.calibration.state_log import StateLog
 from automaton.engine.state import NIL, Array
 from automaton.errors import InputError
-from automaton.recording.observed_recorder import ObservedRecorder
+from automaton.history.playback import Playback
+from automaton.recording.contents import FRAME_TICKS
+from automaton.recording.frames import Recording
+from automaton.recording.recorder import ObservedRecorder
 from automaton.runs.headless import Outcome, outcome_of
 from automaton.runs.periods import PeriodMarks
 from automaton.runs.simulation import Simulation
 from automaton.scenario.order_lines import plain_data
-from automaton.scenario.quantities import Scale
+from automaton.scenario.quantities import LAST_TICK, Scale
 from automaton.scenario.schema import LAYER_NAMES, Scenario
 from automaton.units import count
 from automaton.world.resolve import Resolved, choose_strategies
@@ -44,6 +49,8 @@ MAX_ORDERS: Final = 200_000
 STRATEGIES: Final = {"allocation": "independent", "routing": "shortest", "right_of_way": "wait"}
 DAY_MS: Final = 86_400_000
 EPOCH: Final = datetime.datetime(1970, 1, 1)
+TWO_ROBOTS: Final = "two robots in a cell for one"
+SWAP: Final = "two robots that swapped their cells"
 LEFT_OUT: Final = (  # of the scenario: what was not observed
     *("pods", "faults", "streets", "floor", "areas", "world", "measure", "stations"),
     *("refine", "decide", "information"),
@@ -83,9 +90,11 @@ def write_observed_run(log: StateLog, resolved: Resolved, path: Path) -> Observe
         )
     demand = _demand_of(log, tick)
     resolved = _observed(resolved, demand, log, begin)
-    turn = resolved.scenario.durations.turns[0]
-    ways = Ways(resolved.floor_plan)
-    fleet = Fleet(log, place, tick, demand.order, demand.load, ways, turn, max(ticks, 1))
+    durations = resolved.scenario.durations
+    fleet = Fleet(
+        *(log, place, tick, demand.order, demand.load, Ways(resolved.floor_plan)),
+        *(durations.turns[0], durations.moves, max(ticks, 1)),
+    )
     lines = _timelines(fleet, numbers, robots)
     changes = _sorted_changes([line.changes for line in lines])
     at_start = np.searchsorted(changes[:, 0], 1)
@@ -93,6 +102,7 @@ def write_observed_run(log: StateLog, resolved: Resolved, path: Path) -> Observe
         "first": changes[:at_start],
         "robots": names_of(log, numbers, robots),
         "log": tuple(log.counts.sentences()),
+        "gap": _gap_of(log, tick),
     }
     with ObservedRecorder(path, resolved, observed) as file:
         file.write_ticks(np.stack([line.executed for line in lines], axis=1), changes[at_start:])
@@ -148,6 +158,12 @@ class Demand(NamedTuple):
     left_out: int
 
 
+def _gap_of(log: StateLog, tick: Array) -> int:
+    """Ticks from one message of a robot to the next, usually."""
+    gaps = np.diff(tick)[log.usable[:-1]]
+    return max(1, int(np.median(gaps))) if len(gaps) else 1
+
+
 def _demand_of(log: StateLog, tick: Array) -> Demand:
     """The orders of a run; a load that is carried for an order is the load of this order."""
     samples = log.samples
@@ -189,11 +205,11 @@ def _observed(resolved: Resolved, demand: Demand, log: StateLog, begin: int) -> 
     }
     x, y = resolved.floor_plan.xy(int(np.flatnonzero(resolved.floor_plan.drivable)[0]))
     clock = EPOCH + datetime.timedelta(milliseconds=begin)
+    data["name"] = f"{resolved.scenario.name} (observed)"
     data["units"] = {**data["units"], "clock": clock.isoformat(" ", "seconds")}
-    data["orders"] = {
-        "list": [{"stops": [{"at": [x, y]}], "release": tick} for tick in demand.release.tolist()]
-    }
-    data["stop"] = {"when": "never", "max_duration": 2_000_000_000}
+    releases = demand.release.tolist() or [LAST_TICK]  # a list holds an order at least
+    data["orders"] = {"list": [{"stops": [{"at": [x, y]}], "release": at} for at in releases]}
+    data["stop"] = {"when": "never", "max_duration": LAST_TICK}
     data["strategy"] = {**dict.fromkeys(LAYER_NAMES, "none"), **STRATEGIES}
     for kind in data["fleet"].get("types", []):
         kind.pop("strategy", None)
@@ -220,3 +236,81 @@ def _sorted_changes(changes: list[Array]) -> Array:
     tick, code, value = np.concatenate(changes).T
     order = np.lexsort((code, tick))
     return np.stack((tick, code, robots, value), axis=1)[order]
+
+
+# What real robots did that the rules of motion forbid.
+
+
+class Breach(NamedTuple):
+    """Something that a model of one robot in a cell rules out, and where it was seen first."""
+
+    what: str
+    times: int
+    tick: int
+    robots: tuple[int, int]
+    cell: tuple[int, int]  # x, y
+
+    def __str__(self) -> str:
+        one, other = self.robots
+        where = f"first in tick {self.tick:,}: robots {one} and {other} at {self.cell}"
+        return f"{self.what}: {count(self.times, 'time')}, {where}"
+
+
+def breaches_of(
+    recording: Recording, show: Callable[[str, int], None] = lambda what, tick: None
+) -> list[Breach]:
+    """What the robots of an observed run did against the rules of motion; `show`: the progress.
+
+    Between two messages positions are interpolated. So two robots count that are in one cell for longer
+    than it takes from one message to the next, once however long; and swaps within this time.
+    """
+    playback = Playback(recording.header, recording.stored())
+    floor_plan = playback.simulation.resolved.floor_plan
+    capacity, gap = floor_plan.capacity.ravel(), recording.header["observed"]["gap"]
+    first: dict[str, Breach] = {}
+    times: Counter[str] = Counter()
+    past = deque([_cells(playback)], maxlen=gap)
+    lasts: dict[tuple[int, int], int] = {}  # ticks that two robots have been together
+    swapped: set[tuple[int, int]] = set()
+    for tick in range(1, recording.ticks + 1):
+        playback.go_to(tick)
+        now = _cells(playback)
+        lasts = {pair: lasts.get(pair, 0) + 1 for pair in _robots_together(now, capacity)}
+        swaps = set(_swaps(past[0], now))
+        new = [(TWO_ROBOTS, *pair) for pair, ticks in sorted(lasts.items()) if ticks == gap + 1]
+        new += [(SWAP, *pair) for pair in sorted(swaps - swapped)]
+        for what, one, other in new:
+            times[what] += 1
+            if what not in first:
+                first[what] = Breach(what, 0, tick, (one, other), floor_plan.xy(int(now[one])))
+        swapped = swaps
+        past.append(now)
+        if tick % FRAME_TICKS == 0:
+            show("rules", tick)
+    return [breach._replace(times=times[what]) for what, breach in first.items()]
+
+
+def _cells(playback: Playback) -> Array:
+    """(n,) the cell of each robot, by identity."""
+    robots = playback.simulation.world.robots
+    cells: Array = robots.cell[robots.at_index].astype(np.int64)
+    return cells
+
+
+def _robots_together(cell: Array, capacity: Array) -> Iterator[tuple[int, int]]:
+    """Yield pairs of neighbours in the list of the robots of each cell with too many robots."""
+    order = np.argsort(cell, kind="stable")
+    same = np.diff(cell[order]) == 0
+    same &= (cell[order][1:] != NIL) & (capacity[cell[order][1:]] == 1)
+    for at in np.flatnonzero(same).tolist():
+        yield int(order[at]), int(order[at + 1])
+
+
+def _swaps(before: Array, now: Array) -> Iterator[tuple[int, int]]:
+    """Yield the pairs of robots that have changed places."""
+    moved = np.flatnonzero((before != now) & (before != NIL) & (now != NIL)).tolist()
+    came = {(int(before[robot]), int(now[robot])): robot for robot in moved}
+    for robot in moved:
+        other = came.get((int(now[robot]), int(before[robot])))
+        if other is not None and robot < other:
+            yield robot, other

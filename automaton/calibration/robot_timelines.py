@@ -18,7 +18,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from automaton.calibration.log_on_floor import Placed
+from automaton.calibration.log_on_floor import Placed, standable
 from automaton.calibration.state_log import StateLog
 from automaton.engine.record_codes import (
     CHANGE_DURATION,
@@ -29,12 +29,14 @@ from automaton.engine.record_codes import (
     CHANGE_SEEN_LOAD,
     CHANGE_SEEN_ORDER,
     CHANGE_STATUS,
+    DROPPED_ON_ARRIVAL,
     EXECUTED_BLOCKED,
     EXECUTED_CHARGE,
     EXECUTED_DROP,
     EXECUTED_PICK,
     EXECUTED_SERVE,
     MOVE_EAST,
+    PICKED_ON_ARRIVAL,
     TURN_LEFT,
     TURN_RIGHT,
     WAY_SHIFT,
@@ -51,6 +53,7 @@ from automaton.engine.state import (
 from automaton.floor.floor_plan import FloorPlan
 
 MAX_WAY: Final = 64  # cells between two messages
+MAX_SPEED: Final = 3  # times the speed in the scenario; a longer way was another one
 MAX_KNOWN_WAYS: Final = 100_000  # ways that stay in memory
 
 
@@ -59,7 +62,7 @@ class Ways:
 
     def __init__(self, floor_plan: FloorPlan) -> None:
         exits = floor_plan.exits.ravel().tolist()
-        self.offsets = floor_plan.offsets
+        self.offsets, self._stands = floor_plan.offsets, standable(floor_plan).tolist()
         self._next = [
             tuple(cell + step for way, step in enumerate(self.offsets) if leave >> way & 1)
             for cell, leave in enumerate(exits)
@@ -68,12 +71,14 @@ class Ways:
             self._next[bay], self._next[home] = (home,), (*self._next[home], bay)
         self._known: dict[tuple[int, int], tuple[int, ...] | None] = {}
 
-    def between(self, one: int, other: int) -> tuple[int, ...] | None:
-        """The cells from one cell to another, both included."""
-        if one == other:
-            return (one,)
-        if other in self._next[one]:
-            return (one, other)
+    def between(self, one: int, other: int, most: float) -> tuple[int, ...] | None:
+        """The cells from one cell to another, both included, if they are `most` cells apart at most."""
+        way = (one,) if one == other else self._way(one, other)
+        return None if way is None or len(way) - 1 > most else way
+
+    def _way(self, one: int, other: int) -> tuple[int, ...] | None:
+        if other - one in self.offsets and self._stands[one] and self._stands[other]:
+            return (one, other)  # also against a one-way street: real robots may
         key = (one, other)
         if key not in self._known:
             if len(self._known) >= MAX_KNOWN_WAYS:
@@ -126,7 +131,8 @@ class Fleet(NamedTuple):
     order: Array  # (n,) order of the run that the robot works on, or NIL
     load: Array  # (n,) order of the run whose load it carries, or NIL
     ways: Ways
-    turn_ticks: int
+    turn_ticks: int  # of a quarter in the scenario
+    move_ticks: tuple[int, int]  # in the scenario, empty and loaded
     ticks: int  # of the run
 
 
@@ -188,6 +194,7 @@ class _Line:
 
     def begin(self, code: int, first: int, last: int) -> bool:
         """Enter an action in the ticks from `first` to `last`, as far as they are free."""
+        last = min(last, self.fleet.ticks)
         ticks = np.flatnonzero(self.free[first : last + 1])
         if first > last or not len(ticks):
             return False
@@ -210,13 +217,11 @@ class _Line:
         ]
 
     def enter_states(self) -> None:
-        """Enter status, order, load, charge and heading."""
+        """Enter status, order and charge."""
         there, always = self.cell != NIL, np.ones(len(self.tick), np.bool_)
         status = np.where(self.down, np.where(there, STATUS_FAILED, STATUS_TOWED), STATUS_UP)
         self._rows_of_changes(CHANGE_STATUS, status, always)
         self._rows_of_changes(CHANGE_SEEN_ORDER, self.order, always)
-        self._rows_of_changes(CHANGE_SEEN_LOAD, self.load, always)
-        self._rows_of_changes(CHANGE_SEEN_HEADING, self.heading, self.heading != NIL)
         known = np.isfinite(self.charge)
         units = np.rint(np.where(known, self.charge, 0).clip(0, 100) * BATTERY_PERCENT)
         self._rows_of_changes(CHANGE_SEEN_CHARGE, units.astype(np.int64), known)
@@ -225,13 +230,13 @@ class _Line:
         """Enter the moves between messages, and where the robot is found elsewhere."""
         here, left, busy_until = NIL, 0.0, 0
         before: tuple[int, int, float, float] | None = None  # cell, to_cell, share, tick
-        is_joined = False
+        is_joined = stood = False
         at = zip(
             *(one.tolist() for one in (self.tick, self.cell, self.to_cell, self.share)),
-            *(self.usable.tolist(), self.down.tolist()),
+            *(self.usable.tolist(), self.down.tolist(), (self.load != NIL).tolist()),
             strict=True,
         )
-        for tick, cell, to_cell, share, usable, down in at:
+        for tick, cell, to_cell, share, usable, down, is_loaded in at:
             if cell == NIL:
                 if down and here != NIL:
                     self._put(tick, NIL)
@@ -239,7 +244,8 @@ class _Line:
                 continue
             nodes = None
             if before is not None and is_joined:
-                nodes = self._nodes(before[0], before[1], cell, to_cell)
+                most = 1 + MAX_SPEED * (tick - before[3]) / min(self.fleet.move_ticks)
+                nodes = self._nodes(before[0], before[1], cell, to_cell, most)
             if nodes is None:
                 if here != cell:
                     self.jumps += here != NIL
@@ -252,21 +258,33 @@ class _Line:
                 for number in range(1, inner + 1):
                     part = (number - before[2]) / end if end > 0 else 1.0
                     arrival = before[3] + part * (tick - before[3])
+                    if number == inner and to_cell == NIL:  # likewise when it arrived
+                        since, way = (before[3], 1 - before[2]) if number == 1 else (left, 1.0)
+                        arrival = min(arrival, since + way * self.fleet.move_ticks[is_loaded])
+                    if stood:  # when it set out is known to a message only
+                        left = max(left, arrival - self.fleet.move_ticks[is_loaded])
+                        stood = False
                     begin = max(round(left), busy_until)
                     busy_until = max(round(arrival), begin)
                     self._move(begin, busy_until, nodes[number - 1], nodes[number])
                     here, left = nodes[number], arrival
             if to_cell == NIL:
+                stood = before is not None and before[:2] == (cell, NIL)
                 left = tick
+            elif stood:
+                begin = tick - share * self.fleet.move_ticks[is_loaded]
+                left, stood = max(left, min(begin, tick - 1)), False
             before, is_joined = (cell, to_cell, share if to_cell != NIL else 0.0, tick), usable
 
-    def _nodes(self, one: int, one_to: int, other: int, other_to: int) -> tuple[int, ...] | None:
+    def _nodes(
+        self, one: int, one_to: int, other: int, other_to: int, most: float
+    ) -> tuple[int, ...] | None:
         """The cells that a robot passes between two messages, up to the cell of the second."""
         if other == one and other_to in (one_to, NIL):
             return (one,)
         if one_to == NIL:
-            return self.ways.between(one, other)
-        rest = self.ways.between(one_to, other)
+            return self.ways.between(one, other, most)
+        rest = self.ways.between(one_to, other, most)
         return None if rest is None else (one, *rest)
 
     def _put(self, tick: int, cell: int) -> None:
@@ -295,32 +313,61 @@ class _Line:
                 continue
             last = int(runs[run + 1]) - 1 if run + 1 < len(runs) else len(ends) - 1
             self.operations.append((int(self.tick[first]), int(ends[last]) - 1))
-        changed = np.flatnonzero(np.diff(self.load)) + 1
-        operation = np.searchsorted(
-            [one[0] for one in self.operations], self.tick[changed], "right"
-        )
-        for row, number in zip(changed.tolist(), operation.tolist(), strict=True):
-            tick = int(self.tick[row])
-            first, last = self.operations[number - 1] if number else (tick, NIL)
-            if last < tick - 1:  # the load changes without an action
-                first = last = tick
-            self.begin(EXECUTED_SERVE, first, tick - 1)
-            code = EXECUTED_DROP if self.load[row] == NIL else EXECUTED_PICK
-            self.begin(code, tick, max(tick, last))
+        changed = np.flatnonzero(np.diff(self.load, prepend=-2))
+        firsts = [first for first, _ in self.operations]
+        latest = np.searchsorted(firsts, self.tick[changed], "right")
+        for row, number in zip(changed.tolist(), latest.tolist(), strict=True):
+            tick, load = int(self.tick[row]), int(self.load[row])
+            if row and not self.down[row]:  # a robot that is towed loses its load
+                first, last = self.operations[number - 1] if number else (tick, NIL)
+                tick = self._handle(tick, first, last, load)
+            self.changes.append((tick, CHANGE_SEEN_LOAD, load))
         for first_tick, last_tick in self.operations:
             self.begin(EXECUTED_SERVE, first_tick, last_tick)
 
+    def _handle(self, tick: int, first: int, last: int, load: int) -> int:
+        """Enter the pick or the drop of a load that a message shows; return the tick in which the load
+        changes. `first`, `last`: ticks of the last operation before the message."""
+        if last < tick - 1:  # it was none of this load
+            first = last = tick
+        if load == NIL and last == tick - 1:  # the load was on the robot until the end
+            self.begin(EXECUTED_DROP, first, last)
+            return tick
+        tick = min(tick, last)
+        self.begin(EXECUTED_SERVE, first, tick - 1)
+        if not self.free[tick]:  # it arrives in this tick
+            self.executed[tick] |= DROPPED_ON_ARRIVAL if load == NIL else PICKED_ON_ARRIVAL
+        self.begin(EXECUTED_DROP if load == NIL else EXECUTED_PICK, tick, last)
+        return tick
+
     def enter_turns(self) -> None:
-        """Enter turns: the ticks before a message with another heading, in which the robot stands."""
+        """Enter headings, and turns: the free ticks around the first message with another heading."""
         known = np.flatnonzero((self.heading != NIL) & (self.cell != NIL))
-        for one, other in zip(known[:-1].tolist(), known[1:].tolist(), strict=True):
-            quarters = (int(self.heading[other]) - int(self.heading[one])) & 3
-            if quarters == 0 or self.cell[one] != self.cell[other]:
+        if len(known):
+            first = int(known[0])
+            self.changes.append(
+                (int(self.tick[first]), CHANGE_SEEN_HEADING, int(self.heading[first]))
+            )
+        for one, other in pairwise(known.tolist()):
+            heading, since, tick = (
+                int(self.heading[other]),
+                int(self.tick[one]),
+                int(self.tick[other]),
+            )
+            quarters = (heading - int(self.heading[one])) & 3
+            if quarters == 0:
                 continue
-            end, ticks = int(self.tick[other]), self.fleet.turn_ticks * min(quarters, 4 - quarters)
-            taken = np.flatnonzero(~self.free[max(1, end - ticks + 1) : end + 1])
-            first = max(1, end - ticks + 1) + (int(taken[-1]) + 1 if len(taken) else 0)
-            self.begin(TURN_LEFT if quarters == 3 else TURN_RIGHT, first, end)
+            ticks = self.fleet.turn_ticks * min(quarters, 4 - quarters)
+            begin = max(1, since + 1 - ticks)
+            free = np.flatnonzero(self.free[begin : tick + 1])
+            if len(free):
+                tick = begin + int(free[-1])
+                before = np.flatnonzero(~self.free[max(1, tick - ticks + 1) : tick])
+                first = max(1, tick - ticks + 1) + (int(before[-1]) + 1 if len(before) else 0)
+                # A robot may show its new heading as soon as it begins to turn.
+                self.begin(TURN_LEFT if quarters == 3 else TURN_RIGHT, first, first + ticks - 1)
+                tick = max(tick, since + 1)
+            self.changes.append((tick, CHANGE_SEEN_HEADING, heading))
 
     def enter_charging(self) -> None:
         """Enter the free ticks in which the robot charges."""

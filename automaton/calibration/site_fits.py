@@ -152,14 +152,14 @@ def fit_site(
     """All estimates of a log; `operations`: action types by pick, drop and handling."""
     fitting = Fitting(site)
     _fit_speeds(fitting)
-    turn = _fit_turns(fitting)
+    turns = _fit_turns(fitting)
     durations = _fit_operations(fitting, operations)
     slow = stop_fits.slow_stretches(
         site.pairs, site.track, fitting.usual, site.metres, thresholds.slow_share
     )
     delays = _fit_delays(fitting, thresholds.shortest_delay_s)
     repair, towed = _fit_breakdowns(fitting)
-    charging = _fit_battery(fitting, turn, durations)
+    charging = _fit_battery(fitting, turns, durations)
     seconds = site.track.seconds
     return SiteFits(
         site.gap,
@@ -230,23 +230,23 @@ def _name_slow_robots(fitting: Fitting, chosen: Array, usual: float, key: str) -
             fitting.notes.append(f"robot {name}: {speed:.3g} m/s, others {rest:.3g} m/s ({key})")
 
 
-def _fit_turns(fitting: Fitting) -> float:
-    """Fit the turns; return the seconds of a turn, fitted or of the scenario."""
+def _fit_turns(fitting: Fitting) -> Array:
+    """Fit the turns; return the seconds of a turn of each type, fitted or of the scenario."""
     site = fitting.site
     corners = motion_fits.corners_of(site.track, fitting.usual)
-    turns = 0.0
+    turns = np.zeros(len(site.types))
     for kind, robot_type in enumerate(site.types):
         if robot_type.kinematics == "omni":
             continue
         present = robot_type.turns.empty * site.tick
-        turns = turns or present
+        turns[kind] = present
         key = type_key(site, kind, "durations.turn")
         seconds = corners.seconds[site.kind[corners.message] == kind]
         if not fitting.has_enough(key, len(seconds), MIN_TURNS, "turn"):
             continue
         fit = motion_fits.median_fit(motion_fits.core(seconds, -1))
         if fitting.is_seen(key, fit.value):
-            turns = fit.value
+            turns[kind] = fit.value
             fitting.add(Estimate(key, "s", present, fit, f"{len(seconds):,} turns"))
     return turns
 
@@ -336,7 +336,7 @@ def _fit_breakdowns(fitting: Fitting) -> tuple[duration_fits.DurationFit | None,
 
 
 def _fit_battery(
-    fitting: Fitting, turn: float, durations: Mapping[str, duration_fits.DurationFit]
+    fitting: Fitting, turns: Array, durations: Mapping[str, duration_fits.DurationFit]
 ) -> tuple[tuple[float, float], ...]:
     """Fit energy use; return the steps of the charging rate."""
     site, samples = fitting.site, fitting.site.log.samples
@@ -357,12 +357,12 @@ def _fit_battery(
         else getattr(usual_durations, name) * site.tick
         for name in ("pick", "drop")
     }
-    states = battery_fits.state_seconds(site.track, fitting.usual, turn, known)
+    states = battery_fits.state_seconds(site.track, fitting.usual, turns[site.kind], known)
     off = (samples.charging == 1) | samples.down
     fit = battery_fits.fit_drains(site.track, states, charge, off)
     battery = site.types[0].battery
     for name, drain in (fit.drains if fit else {}).items():
-        shortest = {"turn": turn, **known}.get(name, math.inf)
+        shortest = {"turn": float(turns.min()), **known}.get(name, math.inf)
         if not fitting.is_seen(f"battery.drain.{name}", shortest):
             continue
         present = getattr(battery.drain, name) * HOUR / site.tick if battery else None

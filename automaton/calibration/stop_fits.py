@@ -13,7 +13,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 
 from automaton.calibration.duration_fits import Censored
-from automaton.calibration.motion_fits import Fit, Pairs, Track, median_fit
+from automaton.calibration.motion_fits import LEVEL, Fit, Pairs, Track, median_fit
 
 Array = np.ndarray[Any, Any]
 
@@ -80,8 +80,9 @@ def _slow_runs(
     first = np.flatnonzero(np.append(True, (np.diff(line) != 0) | (np.diff(edge) != 0)))
     groups = np.split(share, first[1:]) if len(share) else []
     slow: dict[tuple[int, int], Array] = {}
+    level = 1 - (1 - LEVEL) / max(len(groups), 1)  # of one interval, so that all hold together
     for begin, values in zip(first.tolist(), groups, strict=True):
-        if len(values) >= MIN_SLOW_PAIRS and median_fit(values).high < 1 - slow_share:
+        if len(values) >= MIN_SLOW_PAIRS and median_fit(values, level).high < 1 - slow_share:
             slow[int(line[begin]), int(edge[begin])] = values
     runs: list[list[tuple[int, int]]] = []
     for key in sorted(slow):

@@ -9,7 +9,7 @@ import argparse
 from collections.abc import Iterator, Mapping
 from fractions import Fraction
 from pathlib import Path
-from typing import Any, Final, NamedTuple
+from typing import Any, NamedTuple
 
 from automaton.atomic_write import atomic_writer
 from automaton.commands.arguments import (
@@ -25,10 +25,9 @@ from automaton.commands.arguments import (
     whole,
 )
 from automaton.commands.demand_mode import add_orders_arguments, fit_orders
-from automaton.errors import InputError, nearest
+from automaton.commands.log_command import columns
+from automaton.errors import InputError, alternatives
 from automaton.units import count, exact_time
-
-FIT: Final = ("pick", "drop", "handling")
 
 
 def pairs(text: str) -> int:
@@ -47,16 +46,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_orders_arguments(parser, text)
     text = "write the settings to FILE, for --set @FILE"
     add("--out", type=Path, required=True, metavar="FILE", help=text)
-    text = "the column of a field in CSV logs, such as robot=AGV; may be repeated"
-    add("--columns", action="append", default=[], metavar="FIELD=NAME", help=text)
+    text = "names of columns in CSV files, such as robot=agv,time=stamp"
+    add("--columns", type=columns, default={}, metavar="FIELD=NAME,...", help=text)
     add(
-        "--action",
-        action="append",
-        default=[],
-        dest="actions",
-        metavar="FIELD=TYPE",
-        help="the action type of pick, drop or handling in the log, such as handling=waitForTrigger; "
-        "may be repeated (default: pick, drop and serve)",
+        "--actions",
+        type=columns,
+        default={},
+        metavar="FIELD=TYPE,...",
+        help="the action types of picks, drops and handling in the log (default: "
+        "pick=pick,drop=drop,handling=serve)",
     )
     add(
         "--shortest-delay",
@@ -93,13 +91,16 @@ def run(args: argparse.Namespace) -> int:
     from automaton.calibration.state_log import read_log
     from automaton.world.resolve import resolve
 
-    columns = by_field(args.columns, "--columns")
-    actions = {**OPERATIONS, **by_field(args.actions, "--action", FIT)}
+    check_fields(args.actions, OPERATIONS)
     base = resolve(args.floor, args.settings)
     print_warnings(base)
-    log = read_log(args.logs, columns)
+    log = read_log(args.logs, args.columns)
     thresholds = Thresholds(shortest_delay_s=float(args.shortest_delay))
-    fits = fit_site(site_of(log, base), actions, thresholds)
+    try:
+        site = site_of(log, base)
+    except InputError as error:
+        raise error.at(str(args.logs[0])) from None
+    fits = fit_site(site, {**OPERATIONS, **args.actions}, thresholds)
     model = fitted_model(args, fits)
     text = settings_text(model.settings, fits, ", ".join(map(str, args.logs)))
     with atomic_writer(args.out) as file:
@@ -118,7 +119,7 @@ def run(args: argparse.Namespace) -> int:
 def check_scipy() -> None:
     """Check that the extra is installed. Raises InputError."""
     try:
-        import scipy.stats  # noqa: F401
+        import scipy  # noqa: F401
     except ImportError as error:
         raise InputError(
             f"calibrate needs SciPy, which cannot be imported ({error}): "
@@ -126,17 +127,13 @@ def check_scipy() -> None:
         ) from None
 
 
-def by_field(texts: list[str], option: str, fields: tuple[str, ...] = ()) -> dict[str, str]:
-    """FIELD=NAME texts of an option as a mapping. Raises InputError."""
-    names = {}
-    for text in texts:
-        field, sign, name = text.partition("=")
-        if not field or not sign or not name or (fields and field not in fields):
-            known = f"; fields are {', '.join(fields)}" if fields else ""
-            hint = nearest(field, fields) or ""
-            raise InputError(f"'{text}' is not FIELD=NAME{hint}{known}", option)
-        names[field] = name
-    return names
+def check_fields(actions: Mapping[str, str], known: Mapping[str, str]) -> None:
+    """Check the operations of --actions. Raises InputError."""
+    for name in actions:
+        if name not in known:
+            raise InputError(
+                f"'{name}' is not an operation; use {alternatives(known)}", "--actions"
+            )
 
 
 class FittedModel(NamedTuple):
@@ -206,6 +203,8 @@ def compare_models(
     from automaton.studies.model_pairs import compare_pairs
     from automaton.world.resolve import resolve
 
+    done = 0
+
     def difference(first: dict[str, Any], second: dict[str, Any], *more: str) -> tuple[bool, str]:
         """Whether two models differ, and by how much."""
         models = [
@@ -221,7 +220,6 @@ def compare_models(
         done += more
         show_line(f"{count(done, 'run')} done")
 
-    done = 0
     fit = fits.operations.get("handling")
     if fit is not None and fit.family != "constant":
         units = {"units": settings["units"]} if "units" in settings else {}

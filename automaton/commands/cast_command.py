@@ -26,6 +26,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The arguments of `automaton cast`."""
     add = parser.add_argument
     add_recording_argument(parser)
+    text = "show a second recording beside the first, tick by tick; not with --html"
+    add("--beside", type=Path, metavar="FILE2", help=text)
     add(
         "--out",
         type=Path,
@@ -109,8 +111,13 @@ def run(args: argparse.Namespace) -> int:
     elif args.out is not None and args.out.suffix.lower() in FILM_SUFFIXES:
         print(f"{args.out}: {_make_pixel_film(args)}")
     else:
-        viewer("playback.film").make_film(args.file, _screen_request(args), args.out)
+        viewer("playback.film").make_film(_recordings(args), _screen_request(args), args.out)
     return 0
+
+
+def _recordings(args: argparse.Namespace) -> tuple[Path, ...]:
+    """The recording, and the one beside it."""
+    return (args.file,) if args.beside is None else (args.file, args.beside)
 
 
 def _make_page(args: argparse.Namespace) -> str:
@@ -127,16 +134,16 @@ def _make_picture(args: argparse.Namespace) -> str:
         from automaton.films.pixel_film import make_pixel_picture
 
         _check_drawn(args, args.picture)
-        return make_pixel_picture(args.file, _pixel_request(args), args.picture, args.at)
+        return make_pixel_picture(_recordings(args), _pixel_request(args), args.picture, args.at)
     make_picture = viewer("playback.film").make_picture
-    return str(make_picture(args.file, _screen_request(args), args.picture, args.at))
+    return str(make_picture(_recordings(args), _screen_request(args), args.picture, args.at))
 
 
 def _make_pixel_film(args: argparse.Namespace) -> str:
     from automaton.films.pixel_film import make_pixel_film
 
     _check_drawn(args, args.out)
-    return make_pixel_film(args.file, _pixel_request(args), args.out)
+    return make_pixel_film(_recordings(args), _pixel_request(args), args.out)
 
 
 def _pixel_request(args: argparse.Namespace) -> PixelRequest:
@@ -174,7 +181,13 @@ def _check_together(args: argparse.Namespace) -> None:
 def _check_page(args: argparse.Namespace) -> None:
     if args.html.suffix not in (".html", ".htm"):
         raise InputError(f"{str(args.html)!r} is not a page: the name must end in .html")
-    others = {"--out": args.out, "--picture": args.picture, "--fps": args.fps, "--size": args.size}
+    others = {
+        "--beside": args.beside,
+        "--out": args.out,
+        "--picture": args.picture,
+        "--fps": args.fps,
+        "--size": args.size,
+    }
     _refuse(others | _of_screens(args), "--html")
 
 

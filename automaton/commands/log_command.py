@@ -103,7 +103,8 @@ def blocks(args: argparse.Namespace, log: StateLog, observed: ObservedRun) -> It
     lines += [f"{what} {many:,}" for what, many in rest.items() if many]
     yield Listed(lines, mark="")
     outcome = observed.outcome()
-    yield headline_table(observed.simulation.resolved, outcome, tick)
+    if log.orders or log.loads:
+        yield headline_table(observed.simulation.resolved, outcome, tick)
     yield uses_table(outcome)
 
 

@@ -1,11 +1,13 @@
 """Verify a recorded run: check the rules, run it again, and report the first tick that differs.
 
+Of an observed run, made by `automaton log`, list what its robots did against the rules.
+
 Verify a results folder or its archive: do all runs again, with the strategies that it holds, and
 compare their results. These strategies are programs: verify archives of senders you trust. With
 --problem, check the output of another program for a problem of the League of Robot Runners.
 Exit code 0: all recorded ticks (even of an incomplete recording) follow the rules and are reproduced,
-or all results are equal; 1: a rule is broken, or a tick or a result differs; 2: the file is damaged or
-none of these.
+all results are equal, or the run is an observed one; 1: a rule is broken, or a tick or a result
+differs; 2: the file is damaged or none of these.
 """
 
 from __future__ import annotations
@@ -28,6 +30,7 @@ from automaton.commands.arguments import (
 )
 from automaton.documents.report_document import INDENT, Listed, ReportDocument
 from automaton.errors import InputError
+from automaton.recording.frames import Recording
 from automaton.recording.recording_reader import read_recording
 from automaton.runs.provenance import first_changes
 from automaton.units import count
@@ -69,6 +72,8 @@ def run(args: argparse.Namespace) -> int:
             raise
         text = f"{error.message}; to check an output file, name its problem with --problem"
         raise InputError(text, error.file) from None
+    if recording.is_observed:
+        return report_breaches(args, recording)
     from automaton.verification.verification import verify_recording
 
     try:
@@ -81,6 +86,35 @@ def run(args: argparse.Namespace) -> int:
     else:
         print_document(ReportDocument(args.file, list(blocks(args.file, found))))
     return 0 if found.passed else 1
+
+
+def report_breaches(args: argparse.Namespace, recording: Recording) -> int:
+    """List what real robots did against the rules; a recording of them cannot be run again."""
+    from automaton.calibration.observed_run import breaches_of
+
+    try:
+        with progress(recording.ticks) as show:
+            breaches = breaches_of(recording, show)
+    except InputError as error:
+        raise error.at(args.file) from None
+    scenario = recording.header["scenario"]["name"]
+    if args.json:
+        print_json(
+            {
+                **{"file": args.file, "scenario": scenario, "ticks": recording.ticks},
+                **{"observed": True, "complete": recording.complete},
+                "against_the_rules": [
+                    {**breach._asdict(), "sentence": str(breach)} for breach in breaches
+                ],
+            }
+        )
+        return 0
+    robots = sum(map(bool, recording.header["observed"]["robots"]))
+    size = f"{scenario}, {count(robots, 'robot')}, {count(recording.ticks, 'tick')}"
+    lines = [f"{args.file}: observed: rules not applicable: {size}"]
+    lines += [str(breach) for breach in breaches] or ["no two robots in a cell for one, no swaps"]
+    print_document(ReportDocument(args.file, [Listed(lines, mark="")]))
+    return 0
 
 
 @contextlib.contextmanager

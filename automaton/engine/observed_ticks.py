@@ -7,7 +7,7 @@ All else follows from these, so that observations and counters are those of a si
 
 import numpy as np
 
-from automaton.engine.events import find_cycles, max_events, note_events
+from automaton.engine.events import action_of, find_cycles, max_events, note_events
 from automaton.engine.fulfilment import release_orders
 from automaton.engine.jit.kernel import kernel
 from automaton.engine.motion import ARRIVED, HELD, LIVE, MOVED, TOWARDS
@@ -24,6 +24,7 @@ from automaton.engine.record_codes import (
     CHANGE_SEEN_LOAD,
     CHANGE_SEEN_ORDER,
     CHANGE_STATUS,
+    DROPPED_ON_ARRIVAL,
     EXECUTED_BLOCKED,
     EXECUTED_CHARGE,
     EXECUTED_DROP,
@@ -32,6 +33,7 @@ from automaton.engine.record_codes import (
     EXECUTED_SERVE,
     MOVE_EAST,
     MOVE_NORTH,
+    PICKED_ON_ARRIVAL,
     TURN_LEFT,
     TURN_RIGHT,
     WAY_MASK,
@@ -58,15 +60,20 @@ from automaton.engine.state import (
     STATUS_UP,
 )
 
+KNOWN_BITS = ACTION_MASK | WAY_MASK | PICKED_ON_ARRIVAL | DROPPED_ON_ARRIVAL
+
 
 @kernel
 def show_ticks(world, observation, executed, changes, first, until):
     """Go to tick `until`, or to the tick in which the buffers of the observation are full.
 
     executed: (T, n) actions from tick `first` on, by identity. changes: rows (tick, code, identity,
-    value), sorted by tick.
+    value), sorted by tick. With `first` 0, only the changes of tick 0 are entered.
     """
     clock, robots, traffic = world.clock, world.robots, world.traffic
+    if first == 0:
+        enter_changes(world, changes, 0)
+        return
     row = np.int64(0)
     while row < changes.shape[0] and changes[row, 0] <= clock.tick:
         row += 1
@@ -78,12 +85,14 @@ def show_ticks(world, observation, executed, changes, first, until):
         acts = executed[clock.tick - first]
         for identity in range(acts.shape[0]):
             i = np.int64(robots.at_index[identity])
-            robots.executed[i] = acts[identity] & (ACTION_MASK | WAY_MASK)
-            if acts[identity] & ACTION_MASK == EXECUTED_DROP and robots.load[i] == NIL:
-                robots.executed[i] = EXECUTED_SERVE
+            robots.executed[i] = acts[identity] & KNOWN_BITS
+        begin = row
         row = enter_changes(world, changes, row)
         for i in range(robots.cell.shape[0]):
-            show(world, i)
+            show(world, observation, i)
+        for k in range(begin, row):  # a turn begins with the heading before it
+            if changes[k, 1] == CHANGE_SEEN_HEADING:
+                robots.heading[robots.at_index[changes[k, 2]]] = changes[k, 3]
         if clock.observing:
             observe(world, observation)
             find_cycles(world, observation)
@@ -115,7 +124,8 @@ def enter_changes(world, changes, row):
             robots.busy[i] = 0
             robots.parked[i] = 1 if value == NIL else 0
         elif code == CHANGE_SEEN_HEADING:
-            robots.heading[i] = value
+            if not is_turn(np.int64(robots.executed[i]) & ACTION_MASK):
+                robots.heading[i] = value
         elif code == CHANGE_SEEN_CHARGE:
             robots.charge[i] = value
         elif code == CHANGE_SEEN_ORDER:
@@ -137,7 +147,7 @@ def change_order(world, i, order):
     before = np.int64(robots.order[i])
     if before != NIL and before != order:
         deliver(world, before)
-        if np.int64(robots.executed[i]) & ACTION_MASK != EXECUTED_DROP:
+        if action_of(np.int64(robots.executed[i])) != EXECUTED_DROP:
             world.tally.visits[i] += 1
             world.tally.visited[i] = before
     robots.order[i] = order
@@ -180,11 +190,19 @@ def deliver(world, order):
 
 
 @kernel
-def show(world, i):
+def show(world, observation, i):
     """Enter what robot i does in this tick."""
     robots = world.robots
     executed = np.int64(robots.executed[i])
+    # A pick or a drop is an event only if the load comes or goes now.
+    handles = action_of(executed)
+    had = world.clock.observing and observation.load_before[i] != NIL
+    if (handles == EXECUTED_PICK and robots.load[i] == NIL) or (
+        handles == EXECUTED_DROP and not had
+    ):
+        robots.executed[i] = EXECUTED_SERVE
     act, ticks = executed & ACTION_MASK, np.int64(world.traffic.move_ticks[i])
+    loaded = np.int64(1 if robots.load[i] != NIL else 0)
     if robots.busy[i]:
         robots.busy[i] -= 1
     if robots.claim[i] != NIL and (robots.busy[i] == 0 or act != EXECUTED_NOTHING):
@@ -192,9 +210,9 @@ def show(world, i):
         world.traffic.intent[i] = ARRIVED
     set_goal_of(world, i, act)
     if MOVE_EAST <= act and act <= MOVE_NORTH:
-        show_move(world, i, act - MOVE_EAST, ticks)
-    elif act == TURN_LEFT or act == TURN_RIGHT:
-        count_action(world, i, ACTION_TURN, ticks)
+        show_move(world, i, act - MOVE_EAST, loaded, ticks)
+    elif is_turn(act):
+        count_action(world, i, ACTION_TURN, loaded, ticks)
         note_turn(world, i, ticks)
     elif act == EXECUTED_CHARGE:
         if robots.action[i] != ACTION_CHARGE:
@@ -202,21 +220,28 @@ def show(world, i):
         robots.action[i] = ACTION_CHARGE
         world.tally.ticks[i, ACTION_CHARGE, 0] += 1
     elif act == EXECUTED_BLOCKED:
-        count_action(world, i, ACTION_BLOCKED, 1)
+        count_action(world, i, ACTION_BLOCKED, loaded, 1)
         way = (executed >> WAY_SHIFT) & 3
         if has_neighbour(world, i, way):
             world.traffic.intent[i] = HELD | TOWARDS | way
     elif act != EXECUTED_NOTHING:
         action = np.int64(ACTION_SERVE)
-        if act == EXECUTED_PICK or act == EXECUTED_DROP:
-            action = np.int64(ACTION_PICK if act == EXECUTED_PICK else ACTION_DROP)
-        count_action(world, i, action, ticks)
+        if act == EXECUTED_PICK:
+            action, loaded = np.int64(ACTION_PICK), np.int64(0)
+        elif act == EXECUTED_DROP:
+            action, loaded = np.int64(ACTION_DROP), np.int64(1)
+        count_action(world, i, action, loaded, ticks)
         note_time(world, i, action, ticks)
     elif robots.status[i] >= STATUS_DEPLETED:
         robots.action[i] = ACTION_DOWN
         world.tally.ticks[i, ACTION_DOWN, 0] += 1 if robots.cell[i] != NIL else 0
     elif robots.busy[i] == 0:
         robots.action[i] = ACTION_IDLE
+
+
+@kernel
+def is_turn(act):
+    return act == TURN_LEFT or act == TURN_RIGHT
 
 
 @kernel
@@ -234,13 +259,13 @@ def set_goal_of(world, i, act):
 
 
 @kernel
-def show_move(world, i, way, ticks):
+def show_move(world, i, way, loaded, ticks):
     """Robot i begins a move; one of a single tick also ends."""
     robots = world.robots
     if not has_neighbour(world, i, way):
         return
     to = np.int64(robots.cell[i]) + world.grid.offset[way]
-    count_action(world, i, ACTION_MOVE, ticks)
+    count_action(world, i, ACTION_MOVE, loaded, ticks)
     if ticks > 1:
         robots.claim[i] = to
     else:
@@ -259,9 +284,8 @@ def has_neighbour(world, i, way):
 
 
 @kernel
-def count_action(world, i, action, ticks):
+def count_action(world, i, action, loaded, ticks):
     """Count an action of robot i that begins; it takes `ticks` ticks, this one included."""
-    loaded = 1 if world.robots.load[i] != NIL else 0
     world.robots.action[i] = action
     world.robots.busy[i] = ticks - 1
     world.tally.active[i] = world.clock.tick + ticks - 1

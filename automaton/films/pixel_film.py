@@ -112,8 +112,41 @@ class PixelFilm:
             yield time, shades.numbers(np.asarray(image))
 
 
-def make_pixel_film(recording: Path, request: PixelRequest, out: Path) -> str:
-    """Write a GIF, MP4 or animated PNG; returns its size in words. Raises InputError."""
+class FilmPair(PixelFilm):
+    """The frames of two recordings side by side; a shorter one stays at its last frame."""
+
+    def __init__(self, one: PixelFilm, other: PixelFilm) -> None:
+        self._films, self._request = (one, other), one._request
+        self.width = one.width + other.width
+        self.height = max(one.height, other.height)
+
+    @property
+    def frames(self) -> int:
+        return max(film.frames for film in self._films)
+
+    def image(self, number: int) -> Image:
+        both: Image = pillow().Image.new("RGB", (self.width, self.height))
+        left = 0
+        for film in self._films:
+            both.paste(film.image(min(number, film.frames - 1)), (left, 0))
+            left += film.width
+        return both
+
+
+def film_of(recordings: Sequence[Path], request: PixelRequest, first: int, last: int) -> PixelFilm:
+    """The film of a recording, or of two side by side. Raises InputError."""
+    films = []
+    for path in recordings:
+        run = read_recording(path)
+        begin, end = min(first, run.ticks), min(last, run.ticks)
+        films.append(PixelFilm(play_stretch(run, begin, end, request.follow), request))
+    return FilmPair(*films) if len(films) == 2 else films[0]
+
+
+def make_pixel_film(recordings: Sequence[Path], request: PixelRequest, out: Path) -> str:
+    """Write a GIF, MP4 or animated PNG of a recording, or of two side by side; returns its size in
+    words. Raises InputError.
+    """
     suffix = out.suffix.lower()
     most = MAX_FPS[suffix]
     if request.fps > most:
@@ -123,14 +156,13 @@ def make_pixel_film(recording: Path, request: PixelRequest, out: Path) -> str:
     path = _ready(request, out)
     if suffix == ".mp4":
         ffmpeg()
-    run = read_recording(recording)
-    first, last = checked_range(run, request.first, request.last)
+    first, last = checked_range(read_recording(recordings[0]), request.first, request.last)
     if (frames := request.frames(last - first)) > MAX_FRAMES:
         raise InputError(
             f"{frames:,} frames are more than a film holds, {MAX_FRAMES:,}: "
             "--from, --to, --speed and --fps make it shorter"
         )
-    film = PixelFilm(play_stretch(run, first, last, request.follow), request)
+    film = film_of(recordings, request, first, last)
     size = _write_mp4(film, request.fps, path) if suffix == ".mp4" else _write(film, suffix, path)
     seconds = (film.times()[-1] + 100 * LAST_PAUSE) / 100
     return (
@@ -139,12 +171,14 @@ def make_pixel_film(recording: Path, request: PixelRequest, out: Path) -> str:
     )
 
 
-def make_pixel_picture(recording: Path, request: PixelRequest, out: Path, tick: int | None) -> str:
-    """Write a PNG of one tick; returns its size in words. Raises InputError."""
+def make_pixel_picture(
+    recordings: Sequence[Path], request: PixelRequest, out: Path, tick: int | None
+) -> str:
+    """Write a PNG of one tick, of one or two recordings; returns its size in words. Raises InputError."""
     path = _ready(request, out)
-    run = read_recording(recording)
-    at = run.ticks if tick is None else tick
-    film = PixelFilm(play_stretch(run, at, at, request.follow), request)
+    at, _ = checked_range(read_recording(recordings[0]), tick, None)
+    at = read_recording(recordings[0]).ticks if tick is None else at
+    film = film_of(recordings, request, at, at)
     file = io.BytesIO()
     film.image(0).save(file, "PNG", optimize=True)
     with atomic_writer(path) as target:

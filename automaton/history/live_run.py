@@ -39,6 +39,7 @@ from automaton.recording.frames import (
     Payload,
     StoredFrames,
     changed,
+    check_simulated,
     payload_of,
     resolved_of,
 )
@@ -197,6 +198,7 @@ def branch_of(run: WatchedRun, settings: tuple[str, ...], path: Path | None = No
     The past is computed again with its strategies, so that they have the right memory. Raises
     InputError if the settings do not fit, or if this version computes a different past.
     """
+    check_simulated(run.header, "a branch")
     tick = run.tick
     other = branched(run.resolved_at(tick), settings)
     held = run.frames.rules_at(tick)

@@ -17,7 +17,7 @@ import numpy as np
 from automaton.engine.decision_stream import ReplayState, repeat
 from automaton.engine.digest import DIGEST_NAMES
 from automaton.engine.observation import Observation
-from automaton.engine.observed_ticks import enter_changes, show_ticks
+from automaton.engine.observed_ticks import show_ticks
 from automaton.engine.state import LAYER_NAMES, Array, Clock, World
 from automaton.errors import InputError
 from automaton.recording.contents import Content
@@ -82,8 +82,7 @@ class Playback:
         self._observed = header.get("observed")
         self.simulation = self._simulation(self.frames.rules_at(0), None)
         if self._observed is not None:
-            first = np.array(self._observed["first"], np.int64, order="C")
-            enter_changes(self.simulation.world, first, 0)
+            self._enter(np.zeros((1, 1), np.uint16), self._observed["first"], 0, 0)
         world, observation = self.simulation.world, self.simulation.observation
         self.keyframes = Keyframes(world, observation) if keyframes is None else keyframes
 
@@ -140,15 +139,16 @@ class Playback:
         """Show the ticks of an observed run up to a tick, within the loaded frame."""
         content = self.frames.ticks_with(tick)
         assert content is not None, "it is loaded"
-        executed = np.array(content["executed"], np.uint16, order="C")
-        changes = np.array(content["changes"], np.int64, order="C")
-        simulation = self.simulation
         while self.tick < tick:
-            show_ticks(
-                *(simulation.world, simulation.observation),
-                *(executed, changes, content["first"], tick),
-            )
-            self._on_observe(simulation)
+            self._enter(content["executed"], content["changes"], content["first"], tick)
+            self._on_observe(self.simulation)
+
+    def _enter(self, executed: Array, changes: Array, first: int, until: int) -> None:
+        world, observation = self.simulation.world, self.simulation.observation
+        executed = np.array(executed, np.uint16, order="C")  # the kernel takes one kind of array
+        show_ticks(
+            world, observation, executed, np.array(changes, np.int64, order="C"), first, until
+        )
 
     def _check(self, recorded: Array) -> None:
         """Raise InputError if the digest of the state differs from the recorded one."""

@@ -179,19 +179,18 @@ class Recording:
         """Whether it shows what real robots did: it has no decisions, and no rule applied."""
         return "observed" in self.header
 
-    def check_simulated(self, what: str) -> None:
-        """Raise InputError for an observed run; `what` needs the decisions of a simulated one."""
-        if self.is_observed:
-            raise InputError(
-                f"{what} needs a simulated run; this is an observed run, made from a log of real "
-                "robots, which has no decisions"
-            )
-
     def stored(self) -> StoredFrames:
         """The frames as a sequence that finds ticks."""
         if isinstance(self.frames, StoredFrames):
             return self.frames
         return StoredFrames([payload_of(kind, content) for kind, content in self.frames])
+
+
+def check_simulated(header: Content, what: str, file: object = None) -> None:
+    """Raise InputError for an observed run; `what` needs the decisions of a simulated one."""
+    if "observed" in header:
+        text = f"{what} needs the decisions of a simulated run; this run was observed"
+        raise InputError(text, None if file is None else str(file))
 
 
 def preamble() -> bytes:

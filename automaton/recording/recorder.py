@@ -12,15 +12,16 @@ import os
 import time
 from pathlib import Path
 from types import TracebackType
-from typing import Any, ClassVar, Self
+from typing import Any, ClassVar, Final, Self
 
 import numpy as np
 
 from automaton.atomic_write import put_in_place
 from automaton.engine.decision_stream import words_until
 from automaton.engine.digest import DIGEST_NAMES
+from automaton.engine.observed_ticks import show_ticks
 from automaton.engine.record_codes import KEYFRAME_TICKS
-from automaton.engine.state import Array, Clock, Record
+from automaton.engine.state import STRATEGY_COUNT, Array, Clock, Record
 from automaton.errors import InputError
 from automaton.recording.contents import (
     FRAME_KIND_CONDITIONS,
@@ -262,3 +263,68 @@ class Recorder(BaseRecorder):
             self.close()
         else:
             self._file.abandon()  # the run failed
+
+
+# An observed run: its ticks are known in advance, without decisions and digests.
+
+
+NO_DIGEST: Final = "0" * 16
+
+
+class ObservedRecorder(Recorder):
+    """Writes an observed run to a file. Raises InputError if it cannot be written."""
+
+    def __init__(self, path: str | Path, resolved: Resolved, observed: Content) -> None:
+        """`observed`: the part of the header that only observed runs have."""
+        self._observed = observed
+        self.shown = Simulation(
+            resolved,
+            on_observe=Simulation.empty_observation,
+            strategies=(None,) * STRATEGY_COUNT,
+        )
+        super().__init__(path, resolved, resolved.scenario.seed)
+
+    def write(self, kind: int, content: Content) -> None:
+        if kind == FRAME_KIND_HEADER:
+            self.header = content = {**content, "observed": self._observed}
+        super().write(kind, content)
+
+    def write_ticks(self, executed: Array, changes: Array) -> None:
+        """Write all ticks and the end, and show them in `shown`.
+
+        executed: (T + 1, n) uint16 actions, from tick 0. changes: (k, 4) int64 rows (tick, code,
+        identity, value), by tick.
+        """
+        simulation = self.shown
+        self.write(FRAME_KIND_CONDITIONS, rules_of(simulation))
+        self._keyframe(simulation.world)
+        self._show({"first": 0, "executed": executed[:1], "changes": self._observed["first"]}, 0)
+        for first in range(1, len(executed), FRAME_TICKS):
+            last = min(first + FRAME_TICKS, len(executed)) - 1
+            begin, end = np.searchsorted(changes[:, 0], (first, last + 1))
+            content = {
+                "first": first,
+                "executed": executed[first : last + 1],
+                "decisions": np.zeros(0, np.int64),
+                "changes": changes[begin:end],
+                "digests": np.zeros(
+                    (last + 1 - first, len(self.header["digest_names"])), np.uint64
+                ),
+            }
+            self.write(FRAME_KIND_TICKS, content)
+            self._show(content, last)
+            if last % KEYFRAME_TICKS == 0 or last == len(executed) - 1:
+                self._keyframe(simulation.world)
+        end_of_run = {"ticks": simulation.tick, "finished": True, "digest": NO_DIGEST}
+        self.write(FRAME_KIND_END, {**end_of_run, "metrics": metrics_of(simulation)})
+        self.ended = True
+
+    def _show(self, content: Content, last: int) -> None:
+        world, observation = self.shown.world, self.shown.observation
+        executed = np.array(content["executed"], np.uint16, order="C")
+        changes = np.array(content["changes"], np.int64, order="C")
+        while True:
+            show_ticks(world, observation, executed, changes, content["first"], last)
+            self.shown.empty_observation()
+            if self.shown.tick >= last:
+                return

@@ -15,6 +15,7 @@ with its time.
 
 from __future__ import annotations
 
+import itertools
 import json
 import math
 import sys
@@ -59,7 +60,7 @@ from tui.render.styles import (
 if TYPE_CHECKING:
     from automaton.history.snapshot import Snapshot
     from automaton.runs.simulation import Simulation
-    from tui.playback.playback_state import PlaybackState
+    from tui.playback.playback_state import Comparison, PlaybackState
 
 
 MIN_FILM_SIZE: Final = (40, 8)
@@ -68,6 +69,7 @@ MAX_DEFAULT_FILM_SIZE: Final = (120, 40)
 FILM_MARGIN: Final = (2, 1)  # around a floor that fits
 
 WORD_GAP: Final = 2
+PAIR_GAP: Final = 2  # columns between two recordings
 TIME_DIGITS: Final = 5  # as in "616.5": the usual width of numbers below 1,000
 
 FILM_TICKS_PER_S: Final = 10  # at speed x1, as in the viewer
@@ -100,16 +102,16 @@ class Request:
     fps: int = 10
 
 
-def make_film(recording: Path, request: Request, out: Path | None) -> None:
-    """Write an asciicast, and print its size. Raises InputError."""
-    path = out or recording.with_suffix(SUFFIX)
+def make_film(recordings: Sequence[Path], request: Request, out: Path | None) -> None:
+    """Write an asciicast of a recording, or of two side by side; print its size. Raises InputError."""
+    path = out or recordings[0].with_suffix(SUFFIX)
     target = path if path == STANDARD_OUTPUT else checked(path)
     if target != STANDARD_OUTPUT and path.suffix != SUFFIX:
         raise InputError(
             f"{str(path)!r} is not a film file: allowed are FILE.gif, FILE.mp4, FILE.png, FILE.cast; "
             "--html makes a page"
         )
-    film = Film(recording, request)
+    film = film_of(recordings, request)
     first = film.checked(request.first)
     last = film.last if request.last is None else film.checked(request.last)
     if first > last:
@@ -134,14 +136,14 @@ def _write(film: Film, frames: list[FilmFrame], file: BinaryIO) -> str:
     return f"{count(events, 'event')}, {count(size, 'byte')}, {seconds} of {film.size}"
 
 
-def make_picture(recording: Path, request: Request, out: Path, tick: int | None) -> str:
+def make_picture(recordings: Sequence[Path], request: Request, out: Path, tick: int | None) -> str:
     """Write a still as SVG or text, by suffix; returns its size in words. Raises InputError."""
     if out.suffix not in (".svg", ".txt"):
         raise InputError(
             f"{str(out)!r} is not a picture file: allowed are FILE.png, FILE.svg and FILE.txt"
         )
     path = checked(out)
-    film = Film(recording, request)
+    film = film_of(recordings, request)
     tick = film.checked(film.last if tick is None else tick)
     (codes,) = film.codes_at([tick])
     if out.suffix == ".txt":
@@ -151,6 +153,16 @@ def make_picture(recording: Path, request: Request, out: Path, tick: int | None)
     with atomic_writer(path) as file:
         file.write(drawn)
     return f"tick {tick:,}, {film.size}, {count(len(drawn), 'byte')}"
+
+
+def film_of(recordings: Sequence[Path], request: Request) -> Film:
+    """The film of a recording, or of two side by side. Raises InputError."""
+    if len(recordings) == 1:
+        layer = layer_named(request.layer)
+        if layer.compares:
+            raise InputError(f"{request.layer}: {layer.absent}")
+        return Film(recordings[0], request)
+    return FilmPair(*(Film(path, request) for path in recordings))
 
 
 class Film:
@@ -194,8 +206,10 @@ class Film:
             raise InputError(f"there is no tick {tick:,}: the recording ends at tick {self.last:,}")
         return tick
 
-    def codes_at(self, ticks: Iterable[int]) -> Iterator[Codes]:
-        """(rows, columns) codes for each of these ascending ticks.
+    def codes_at(
+        self, ticks: Iterable[int], comparison: Comparison | None = None
+    ) -> Iterator[Codes]:
+        """(rows, columns) codes for each of these ascending ticks; `comparison`: with another film.
 
         Raises InputError if a layer of another distribution raises.
         """
@@ -209,7 +223,9 @@ class Film:
         for tick in ticks:
             playback.go_to(tick)
             bare = take_snapshot(playback.simulation, robot, layer)
-            codes = self._codes(overlays.laid_over(bare, playback.simulation, layer, playing=False))
+            simulation = playback.simulation
+            snapshot = overlays.laid_over(bare, simulation, layer, False, comparison)
+            codes = self._codes(snapshot)
             if failed := failure():
                 raise InputError(failed)
             yield codes
@@ -264,6 +280,47 @@ class Film:
         scene = self._pictures.scene(None, self._choice, 0)
         key = layer_named(request.layer).key_words(scene, self._resolved, self.glyphs)
         return Status(self.last, scenario.fleet.robots, orders, tick, "  ".join(chosen), key)
+
+
+class FilmPair(Film):
+    """A film of two recordings side by side; a shorter one stays at its last tick."""
+
+    def __init__(self, one: Film, other: Film) -> None:
+        self._films = one, other
+        self.recording, self.last, self.look, self.glyphs = (
+            one.recording,
+            one.last,
+            one.look,
+            one.glyphs,
+        )
+        self.columns = one.columns + PAIR_GAP + other.columns
+        self.rows = max(one.rows, other.rows)
+
+    @property
+    def title(self) -> str:
+        return " | ".join(film.title for film in self._films)
+
+    def codes_at(
+        self, ticks: Iterable[int], comparison: Comparison | None = None
+    ) -> Iterator[Codes]:
+        from automaton.history.watched_run import ReplayedRun
+        from tui.playback.playback_state import Comparison
+
+        both = Comparison([ReplayedRun(film.recording) for film in self._films])
+        sides = itertools.tee(ticks)
+        shown = (
+            film.codes_at((min(tick, film.last) for tick in side), both)
+            for film, side in zip(self._films, sides, strict=True)
+        )
+        for pair in zip(*shown, strict=True):
+            one, other = (self._as_high(codes) for codes in pair)
+            yield np.hstack((one, self._blank(self.rows, PAIR_GAP), other))
+
+    def _as_high(self, codes: Codes) -> Codes:
+        return np.vstack((codes, self._blank(self.rows - len(codes), codes.shape[1])))
+
+    def _blank(self, rows: int, columns: int) -> Codes:
+        return np.full((rows, columns), code(style(styles.COLOUR_TEXT, styles.COLOUR_VOID), 0))
 
 
 def check_layer(layer: str, robot: int = NIL) -> None:

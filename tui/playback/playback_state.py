@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import time
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Final, NamedTuple
 
@@ -11,6 +12,7 @@ import numpy as np
 
 from automaton.engine.state import NIL, Array
 from automaton.history.divergence import Divergence
+from automaton.history.playback import Playback
 from automaton.history.snapshot import Snapshot
 from automaton.history.watched_run import WatchedRun
 from automaton.runs.metrics import OPERATION_STATES, executed_ticks, metrics_of
@@ -88,6 +90,47 @@ def figures_of(run: WatchedRun) -> RunFigures:
     return RunFigures(shown.tick, metrics_of(shown), operations, active, starved, jam, periods)
 
 
+class CellTicks:
+    """How long robots have been in each cell of a recording, up to any tick."""
+
+    def __init__(self, run: WatchedRun) -> None:
+        self._run = run
+        self._playback: Playback | None = None
+        self._ticks = np.zeros(0, np.int64)
+
+    def until(self, tick: int) -> Array:
+        """(C,) int64: robot ticks spent in each cell up to a tick, or to the end of the run."""
+        if self._playback is None or tick < self._playback.tick:
+            self._playback = Playback(self._run.header, self._run.frames)
+            cells = self._playback.simulation.world.grid.cell_flags.size
+            self._ticks = np.zeros(cells, np.int64)
+        playback, robots = self._playback, self._playback.simulation.world.robots
+        while playback.tick < min(tick, self._run.frames.last_tick):
+            playback.go_to(playback.tick + 1)
+            robots = playback.simulation.world.robots
+            np.add.at(self._ticks, robots.cell[robots.cell != NIL], 1)
+        return self._ticks
+
+
+class Comparison:
+    """Two recordings side by side; where one was observed, the real one minus the simulated one."""
+
+    def __init__(self, runs: Sequence[WatchedRun]) -> None:
+        self._cells = [CellTicks(run) for run in runs]
+        one, other = ("observed" in run.header for run in runs)
+        self._sign = -1 if other and not one else 1
+        self._seconds = [run.resolved.scenario.units.scale.unit.size for run in runs]
+
+    def time_difference(self, tick: int) -> Array:
+        """(C,) int32: robot time spent in each cell of one run, minus that of the other, in the unit
+        of a tick."""
+        one, other = (
+            cells.until(tick) * size for cells, size in zip(self._cells, self._seconds, strict=True)
+        )
+        difference: Array = np.rint(self._sign * (one - other)).astype(np.int32)
+        return difference
+
+
 class LongTick(NamedTuple):
     """A tick that is being computed."""
 
@@ -105,9 +148,14 @@ class Overlays:
         self._next = -math.inf  # earliest time of the next computation during playback
 
     def laid_over(
-        self, snapshot: Snapshot, simulation: Simulation, name: str, playing: bool
+        self,
+        snapshot: Snapshot,
+        simulation: Simulation,
+        name: str,
+        playing: bool,
+        comparison: Comparison | None = None,
     ) -> Snapshot:
-        """The snapshot with the numbers of a layer.
+        """The snapshot with the numbers of a layer; `comparison`: of two recordings.
 
         During playback the numbers may be older: a slow layer computes them with pauses of at least
         `pause_s`.
@@ -118,6 +166,8 @@ class Overlays:
         old = self._of is not None and self._of[2:] == now[2:] and began < self._next
         if self._of != now and not (playing and old):
             self._of, self._field = now, layer.numbers(simulation, snapshot.selected)
+            if layer.compares and comparison is not None:
+                self._field = comparison.time_difference(snapshot.tick)
             ended = time.monotonic()
             pause = max(layer.pause_s, OVERLAY_TIME_RATIO * (ended - began))
             self._next = ended + (pause if layer.pause_s else 0.0)

@@ -24,6 +24,7 @@ from automaton.history.live_run import LiveDivergence, LiveRun
 from automaton.history.snapshot import Snapshot, take_snapshot
 from automaton.history.watched_run import COMPUTE_SLICE_S, WatchedRun
 from tui.playback.playback_state import (
+    Comparison,
     LongTick,
     Overlays,
     PlaybackState,
@@ -81,6 +82,8 @@ class Player:
         self._overlays = [Overlays() for _ in self.runs]
         live = [run for run in self.runs if isinstance(run, LiveRun)]
         self._divergence = LiveDivergence(*live) if len(live) == 2 else None
+        recorded = len(self.runs) == 2 and not live
+        self._comparison = Comparison(self.runs) if recorded else None
         self._trails: list[Trails] | None = None  # None: not shown
         self._figures: tuple[RunFigures, ...] = ()
         self._parted: Divergence | None = None
@@ -482,7 +485,7 @@ class Player:
     def _snapshot_of(self, run: WatchedRun, overlays: Overlays) -> Snapshot:
         bare = take_snapshot(run.shown, self._selected, self._layer)
         playing = self._direction != 0 or self._goal is not None
-        return overlays.laid_over(bare, run.shown, self._layer, playing)
+        return overlays.laid_over(bare, run.shown, self._layer, playing, self._comparison)
 
 
 def sentence(error: Exception) -> str:

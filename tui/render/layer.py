@@ -41,6 +41,7 @@ class Layer:
     empty: str = ""  # shown while all its numbers are 0; "": "no UNIT yet"
     heat: bool = True  # it has numbers, even before they are computed; False: tints or nothing
     arrows: bool = False  # numbers are (C, 4), by direction, and drawn as arrows
+    compares: bool = False  # its numbers compare two recordings side by side
     ranked: bool = False  # list the cells with the greatest numbers beside the legend
     whole_floor: bool = False  # letters of tints replace the marks of one-way floor, too
     absent: str = ""  # message where it has nothing to show

@@ -1,6 +1,6 @@
 """Compare a fitted scenario with days of the site that it was not fitted to.
 
-Exit code 0: the model matches the site; 1: it differs, or this cannot be said; 2: bad input; 130:
+Exit code 0: the model matches the site, or this cannot be said; 1: it differs; 2: bad input; 130:
 stopped by Ctrl-C; 143: by SIGTERM.
 """
 
@@ -67,7 +67,7 @@ def run(args: argparse.Namespace) -> int:
         raise InputError(
             f"--orders is there {len(orders):,} times, but there are {logs}; use 1 or as many"
         )
-    from automaton.calibration.agreement import MATCHES
+    from automaton.calibration.agreement import DIFFERS
     from automaton.calibration.agreement_report import agreement_document, agreement_record
     from automaton.calibration.compared_days import compare_days
     from automaton.calibration.site_day import ComparedSite, read_day
@@ -98,4 +98,4 @@ def run(args: argparse.Namespace) -> int:
         lambda: agreement_document(name, compared, notes),
         lambda: agreement_record(name, compared, notes),
     )
-    return 0 if compared.agreement.verdict == MATCHES else 1
+    return 1 if compared.agreement.verdict == DIFFERS else 0

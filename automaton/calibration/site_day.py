@@ -59,9 +59,8 @@ class SiteDay(NamedTuple):
     ticks: int  # of a sample, in the ticks of the runs
     trace: FleetTrace
     resolved: Resolved  # the scenario with the orders of the day
-    released: (
-        Array  # (m,) seconds after the start, by order; (): lead times begin when orders are taken
-    )
+    by_load: bool  # the log names no orders: what a robot carries stands for its order
+    released: Array  # (m,) seconds from the start to the release of each order, or (): not known
     notes: tuple[str, ...]
 
 
@@ -82,6 +81,8 @@ def read_day(site: ComparedSite, path: Path, orders: Path | None) -> SiteDay:
         place = placed(log, floor_plan, scenario.units)
     except InputError as error:
         raise error.at(str(path)) from None
+    by_load = not log.orders
+    log = log_of_carries(log, str(path)) if by_load else log
     time, tick = log.samples.time, float(scenario.units.scale.tick_seconds)
     begin, end = int(time.min()), int(time.max())
     gaps = np.diff(time)[log.usable[:-1]]
@@ -111,7 +112,22 @@ def read_day(site: ComparedSite, path: Path, orders: Path | None) -> SiteDay:
             f"{path.name}: {count(robots, 'robot')} in the log, {simulated:,} in the scenario"
         )
     fine = ticks * resolved.scenario.refine
-    return SiteDay(path.stem, begin, fine, trace, resolved, day.released, tuple(notes))
+    return SiteDay(path.stem, begin, fine, trace, resolved, by_load, day.released, tuple(notes))
+
+
+def log_of_carries(log: StateLog, file: str) -> StateLog:
+    """A log without orders in which each time that a robot carries a load is an order.
+
+    Raises InputError for a log without loads.
+    """
+    samples = log.samples
+    begins = (np.diff(samples.load, prepend=0) != 0) | (np.diff(samples.robot, prepend=-1) != 0)
+    number = np.cumsum(begins & (samples.load > 0))
+    if not number[-1]:
+        raise InputError("has neither orders nor loads, so nothing can be compared", file)
+    order = np.where(samples.load > 0, number, 0).astype(np.int32)
+    names = tuple(map(str, range(1, int(number[-1]) + 1)))
+    return log._replace(samples=samples._replace(order=order), orders=names)
 
 
 def clock_setting(site: ComparedSite, begin: int, before: float = 0) -> Override:
@@ -268,6 +284,7 @@ class OrderEnds(NamedTuple):
 def ends_of_orders(log: StateLog, place: Placed) -> Iterator[tuple[int, OrderEnds]]:
     """Yield the number and the ends of each order whose load appears and disappears in the log."""
     samples = log.samples
+    stays = messages_in_cell(log, place)
     rows = np.flatnonzero(samples.order)
     rows = rows[np.lexsort((samples.time[rows], samples.order[rows]))]
     codes, first = np.unique(samples.order[rows], return_index=True)
@@ -284,8 +301,8 @@ def ends_of_orders(log: StateLog, place: Placed) -> Iterator[tuple[int, OrderEnd
             OrderEnds(
                 int(samples.time[own[0]]),
                 int(samples.time[after]),
-                cells_at(log, place, before, first_loaded),
-                cells_at(log, place, last, after, int(samples.action[first_loaded])),
+                cells_at(log, place, stays, before),
+                cells_at(log, place, stays, last, int(samples.action[first_loaded])),
             ),
         )
 
@@ -295,18 +312,27 @@ def is_pair(log: StateLog, before: int, after: int) -> bool:
     return after == before + 1 and bool(log.samples.robot[before] == log.samples.robot[after])
 
 
-def cells_at(
-    log: StateLog, place: Placed, before: int, after: int, other: int = 0
-) -> tuple[int, ...]:
-    """The cells where a load may have changed between two messages, the likeliest first.
+def messages_in_cell(log: StateLog, place: Placed) -> Array:
+    """(n,) how many messages in sequence its robot is in the cell of each message."""
+    begins = np.diff(place.cell, prepend=-2) != 0
+    begins |= np.diff(log.samples.robot, prepend=-1) != 0
+    number = np.cumsum(begins) - 1
+    many: Array = np.bincount(number)[number]
+    return many
 
-    These are the cells of a running action, then those where the robot stands, then those on its way.
-    `other`: an action that is not the one sought.
+
+def cells_at(
+    log: StateLog, place: Placed, stays: Array, before: int, other: int = 0
+) -> tuple[int, ...]:
+    """The cells where a load may have changed between a message and the next, the likeliest first.
+
+    These are the cells of a running action, then those where the robot stands, the longer stay first,
+    then those on its way. `other`: an action that is not the one sought.
     """
-    rows = (before, after)
+    rows = sorted((before, before + 1), key=lambda row: -stays[row])
     acting = [place.cell[row] for row in rows if log.samples.action[row] not in (0, other)]
     standing = [place.cell[row] for row in rows if place.to_cell[row] == NIL]
-    on_way = (place.to_cell[before], place.cell[after], place.cell[before])
+    on_way = (place.to_cell[before], place.cell[before + 1], place.cell[before])
     return tuple(map(int, (*acting, *standing, *on_way)))
 
 

@@ -66,7 +66,7 @@ def plan(trace: FleetTrace, *busiest: int, stretch: int = NIL) -> MeasurePlan:
     """A plan for a small trace, with one stretch: a cell."""
     of = np.full(100, NIL, np.int32)
     of[stretch if stretch != NIL else 99] = 0
-    return MeasurePlan(1, len(trace.cell), trace.period, of, 1, busiest, np.zeros(0))
+    return MeasurePlan(1, len(trace.cell), trace.period, of, 1, busiest, False, np.zeros(0))
 
 
 def trace_of(cells: str, orders: str, loads: str) -> FleetTrace:
@@ -150,6 +150,26 @@ def test_a_log_whose_orders_have_no_ends_needs_their_file(folder: Path) -> None:
     path = folder / "unloaded.jsonl"
     path.write_text("".join(json.dumps({**one, "loads": []}) + "\n" for one in messages))
     with pytest.raises(InputError, match=r"shows both ends of only 0 % .* --orders"):
+        read_day(site_in(folder), path, None)
+
+
+def test_loads_stand_for_orders_in_a_log_that_names_none(folder: Path) -> None:
+    rows = ["robot,time,x,y,load"]
+    for line in (folder / "day.jsonl").read_text().splitlines():
+        one = json.loads(line)
+        place = one["mobileRobotPosition"]
+        load = "box" if one["loads"] else ""
+        rows.append(f"{one['serialNumber']},{one['timestamp']},{place['x']},{place['y']},{load}")
+    path = folder / "day.csv"
+    path.write_text("\n".join(rows) + "\n")
+    of_loads, of_orders = (
+        read_day(site_in(folder), folder / name, None) for name in ("day.csv", "day.jsonl")
+    )
+    listed = [day.resolved.scenario.orders.listed or () for day in (of_loads, of_orders)]
+    equal = [a.ends == b.ends for a, b in zip(*listed, strict=False)]
+    assert of_loads.by_load and sum(equal) >= 0.9 * len(equal) > 0.9 * 20  # no actions say where
+    path.write_text("\n".join(row.removesuffix("box") for row in rows) + "\n")
+    with pytest.raises(InputError, match=r"day.csv: has neither orders nor loads"):
         read_day(site_in(folder), path, None)
 
 

@@ -107,7 +107,7 @@ def plan_of(resolved: Resolved, released: np.ndarray) -> MeasurePlan:
     rows = resolved.scenario.stop.max_duration // SAMPLE_TICKS + 1
     period = float(SAMPLE_TICKS)
     return MeasurePlan(
-        SAMPLE_TICKS, rows, period, stretch_of, int(stretch_of.max()) + 1, cells, released
+        SAMPLE_TICKS, rows, period, stretch_of, int(stretch_of.max()) + 1, cells, False, released
     )
 
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import datetime
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
@@ -242,10 +242,17 @@ def recovered_orders(
 ) -> DayOrders:
     """The orders that a log shows from their beginning to their end. Raises InputError for too few."""
     gives, takes = slots_at(floor_plan)
+    orders = list(ends_of_orders(log))
+    is_late = [
+        is_after(place, [ends.pick for _, ends in orders], gives),
+        is_after(place, [ends.drop for _, ends in orders], takes),
+    ]
     complete = {}
-    for code, ends in ends_of_orders(log, place):
-        source = next((gives[cell] for cell in ends.picks if cell in gives), NIL)
-        slots = (takes[cell] for cell in ends.drops if cell in takes)
+    for code, ends in orders:
+        picks = cells_at(log, place, ends.pick, is_late[0])
+        source = next((gives[cell] for cell in picks if cell in gives), NIL)
+        drops = cells_at(log, place, ends.drop, is_late[1], int(log.samples.action[ends.pick + 1]))
+        slots = (takes[cell] for cell in drops if cell in takes)
         target = next((slot for slot in slots if slot != source), NIL)
         if NIL not in (source, target):
             complete[code] = ends, list(floor_plan.xy(source)), list(floor_plan.xy(target))
@@ -273,18 +280,17 @@ def recovered_orders(
 
 
 class OrderEnds(NamedTuple):
-    """When an order was taken and done, and cells where its load may have appeared and disappeared."""
+    """When an order was taken and done, and the last messages before its load appears and disappears."""
 
     taken: int  # milliseconds since 1970
     done: int
-    picks: tuple[int, ...]
-    drops: tuple[int, ...]
+    pick: int
+    drop: int
 
 
-def ends_of_orders(log: StateLog, place: Placed) -> Iterator[tuple[int, OrderEnds]]:
+def ends_of_orders(log: StateLog) -> Iterator[tuple[int, OrderEnds]]:
     """Yield the number and the ends of each order whose load appears and disappears in the log."""
     samples = log.samples
-    stays = messages_in_cell(log, place)
     rows = np.flatnonzero(samples.order)
     rows = rows[np.lexsort((samples.time[rows], samples.order[rows]))]
     codes, first = np.unique(samples.order[rows], return_index=True)
@@ -292,48 +298,33 @@ def ends_of_orders(log: StateLog, place: Placed) -> Iterator[tuple[int, OrderEnd
         loaded = own[samples.load[own] > 0]
         if not len(loaded):
             continue
-        first_loaded, last = int(loaded[0]), int(loaded[-1])
-        before, after = max(first_loaded - 1, 0), min(last + 1, len(samples.time) - 1)
-        if not is_pair(log, before, first_loaded) or not is_pair(log, last, after):
-            continue  # it carries the load when the log begins or ends
-        yield (
-            code - 1,
-            OrderEnds(
-                int(samples.time[own[0]]),
-                int(samples.time[after]),
-                cells_at(log, place, stays, before),
-                cells_at(log, place, stays, last, int(samples.action[first_loaded])),
-            ),
-        )
+        pick, drop = int(loaded[0]) - 1, int(loaded[-1])
+        if pick >= 0 and drop + 1 < len(samples.time):
+            robot = samples.robot[[pick, pick + 1, drop, drop + 1]]
+            if (
+                robot[0] == robot[1] and robot[2] == robot[3]
+            ):  # else it crosses the start or the end
+                times = int(samples.time[own[0]]), int(samples.time[drop + 1])
+                yield code - 1, OrderEnds(*times, pick, drop)
 
 
-def is_pair(log: StateLog, before: int, after: int) -> bool:
-    """Whether two messages follow each other in the log of one robot."""
-    return after == before + 1 and bool(log.samples.robot[before] == log.samples.robot[after])
-
-
-def messages_in_cell(log: StateLog, place: Placed) -> Array:
-    """(n,) how many messages in sequence its robot is in the cell of each message."""
-    begins = np.diff(place.cell, prepend=-2) != 0
-    begins |= np.diff(log.samples.robot, prepend=-1) != 0
-    number = np.cumsum(begins) - 1
-    many: Array = np.bincount(number)[number]
-    return many
+def is_after(place: Placed, rows: Sequence[int], slots: Mapping[int, int]) -> bool:
+    """Whether loads change at the begin of picks or drops, so that robots are still there afterwards."""
+    before = sum(int(place.cell[row]) in slots for row in rows)
+    return sum(int(place.cell[row + 1]) in slots for row in rows) > before
 
 
 def cells_at(
-    log: StateLog, place: Placed, stays: Array, before: int, other: int = 0
+    log: StateLog, place: Placed, row: int, is_late: bool, other: int = 0
 ) -> tuple[int, ...]:
     """The cells where a load may have changed between a message and the next, the likeliest first.
 
-    These are the cells of a running action, then those where the robot stands, the longer stay first,
-    then those on its way. `other`: an action that is not the one sought.
+    These are the cells of a running action, then those of the messages, the second one first if it
+    `is_late`, then the one on the way. `other`: an action that is not the one sought.
     """
-    rows = sorted((before, before + 1), key=lambda row: -stays[row])
-    acting = [place.cell[row] for row in rows if log.samples.action[row] not in (0, other)]
-    standing = [place.cell[row] for row in rows if place.to_cell[row] == NIL]
-    on_way = (place.to_cell[before], place.cell[before + 1], place.cell[before])
-    return tuple(map(int, (*acting, *standing, *on_way)))
+    rows = (row + 1, row) if is_late else (row, row + 1)
+    acting = [place.cell[one] for one in rows if log.samples.action[one] not in (0, other)]
+    return tuple(map(int, (*acting, *place.cell[list(rows)], place.to_cell[row])))
 
 
 def slots_at(floor_plan: FloorPlan) -> tuple[dict[int, int], dict[int, int]]:

@@ -12,7 +12,7 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 
-from automaton.calibration.motion_fits import STILL, Fit, Track
+from automaton.calibration.motion_fits import STILL, FittedValue, RobotTracks
 
 Array = np.ndarray[Any, Any]
 
@@ -32,12 +32,12 @@ WORTH: Final = 0.05  # a further step must lower the squared error to this share
 class DrainFit(NamedTuple):
     """Energy use in percent per second of each state that robots were in, and the factor of a load."""
 
-    drains: dict[str, Fit]
-    loaded_factor: Fit | None  # None: too few seconds with a load
+    drains: dict[str, FittedValue]
+    loaded_factor: FittedValue | None  # None: too few seconds with a load
 
 
 def state_seconds(
-    track: Track, usual: Array, turn_seconds: Array, operations: dict[str, float]
+    track: RobotTracks, usual: Array, turn_seconds: Array, operations: dict[str, float]
 ) -> dict[str, Array]:
     """(n,) seconds of each state between each message and the next; the rest of the time is waiting.
 
@@ -60,7 +60,7 @@ def state_seconds(
 
 
 def fit_drains(
-    track: Track, seconds: dict[str, Array], charge: Array, left_out: Array, seed: int = 0
+    track: RobotTracks, seconds: dict[str, Array], charge: Array, left_out: Array, seed: int = 0
 ) -> DrainFit | None:
     """The energy use; `charge`: (n,) percent, `left_out`: (n,) bool, charging or down.
 
@@ -106,7 +106,7 @@ def fit_drains(
     table = np.array(solutions)
     ends = np.quantile(table[1:], (0.025, 0.975), axis=0)
     fits = [
-        Fit(float(table[0, k]), float(ends[0][k]), float(ends[1][k]), len(lost))
+        FittedValue(float(table[0, k]), float(ends[0][k]), float(ends[1][k]), len(lost))
         for k in range(table.shape[1])
     ]
     return DrainFit(dict(zip(names, fits, strict=False)), fits[-1] if has_factor else None)
@@ -122,7 +122,7 @@ def window_seconds(change: Array, seconds: Array) -> float:
     return float(np.clip(RESOLUTION_STEPS * float(steps.min()) / rate, *WINDOWS_S))
 
 
-def window_begins(track: Track, length: float) -> Array:
+def window_begins(track: RobotTracks, length: float) -> Array:
     """(n,) bool: messages at which windows begin, in motion and at the centre of a cell.
 
     So no operation belongs to two windows, and no move of a simulated robot, which uses its energy as it
@@ -157,7 +157,9 @@ def _solve(
     return np.append(nnls(empty + factor * loaded, lost)[0], factor)
 
 
-def fit_charging(track: Track, charge: Array, charging: Array) -> tuple[tuple[float, float], ...]:
+def fit_charging(
+    track: RobotTracks, charge: Array, charging: Array
+) -> tuple[tuple[float, float], ...]:
     """[from percent, percent per second] steps of the charging rate; () if too little was charged."""
     change = np.append(np.diff(charge), 0.0)
     seconds = np.append(np.diff(track.seconds), 0.0)

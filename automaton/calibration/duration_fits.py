@@ -9,7 +9,7 @@ uniform between a and b, the likelihood of such an observation is
     G(d - a) - G(d - b) - G(c - a) + G(c - b).
 
 Operations that no message sees are missing, so the sum is divided by the mean of g - G(g) over the gaps g
-between messages: the share of beginnings that are seen.
+between messages: the share of operations that messages show.
 
 Source: De Gruttola & Lagakos (1989), doubly-censored data; the truncation as in Sun (1995).
 """
@@ -21,8 +21,6 @@ from collections.abc import Callable
 from typing import Any, Final, NamedTuple
 
 import numpy as np
-
-from automaton.calibration.state_log import StateLog
 
 Array = np.ndarray[Any, Any]
 
@@ -44,7 +42,7 @@ class Censored(NamedTuple):
     """Operations of one kind, and the gaps between messages, in seconds."""
 
     free_before: Array  # (k,) last message before each operation, counted from the next column
-    seen: Array  # (k,) from its first to its last message
+    observed: Array  # (k,) from its first to its last message
     free_after: Array  # (k,) from its last message to the next one
     gaps: Array  # (m,) quantiles of the gaps between messages; empty: every operation has messages
     error: float  # standard deviation of a duration through errors of the stamps
@@ -52,12 +50,12 @@ class Censored(NamedTuple):
     @property
     def n(self) -> int:
         """Number of operations."""
-        return len(self.seen)
+        return len(self.observed)
 
     @property
     def middles(self) -> Array:
         """(k,) the durations if each begins and ends midway between two messages."""
-        return self.seen + (self.free_before + self.free_after) / 2
+        return self.observed + (self.free_before + self.free_after) / 2
 
 
 class Family(NamedTuple):
@@ -141,9 +139,9 @@ def negative_log_likelihood(data: Censored, family: Family, mean: float, spread:
     def integral(x: Array) -> Array:
         return family.integral(x, mean, spread, data.error)
 
-    before, seen, after = data.free_before, data.seen, data.free_after
-    joint = integral(before + seen + after) - integral(seen + after)
-    joint += integral(seen) - integral(before + seen)
+    before, observed, after = data.free_before, data.observed, data.free_after
+    joint = integral(before + observed + after) - integral(observed + after)
+    joint += integral(observed) - integral(before + observed)
     out = -float(np.log(np.maximum(joint, IMPOSSIBLE)).sum())
     if len(data.gaps):
         detected = float((data.gaps - integral(data.gaps)).mean())
@@ -222,28 +220,27 @@ def _simplex(start: list[float]) -> list[list[float]]:
 # Operations in a log.
 
 
-def operations_of(log: StateLog, chosen: Array) -> Censored:
+def operations_of(seconds: Array, usable: Array, identity: Array, chosen: Array) -> Censored:
     """The operations of messages that are `chosen`: (n,) bool, such as all picks.
 
-    In a log with messages on events, an operation begins at its first message and ends with the first
-    message without it. An operation is left out if a gap lies before, in or after it.
+    `usable`: (n,) bool, of a message and the next; `identity`: (n,) differs between two operations. In a
+    log with messages on events, an operation begins at its first message and ends with the first message
+    without it. An operation is left out if a gap lies before, in or after it.
     """
-    samples = log.samples
-    seconds = samples.time / 1000
-    gaps = np.diff(seconds)[log.usable[:-1]]
-    same = np.append(False, (samples.action_id[1:] == samples.action_id[:-1]) & log.usable[:-1])
+    gaps = np.diff(seconds)[usable[:-1]]
+    same = np.append(False, (identity[1:] == identity[:-1]) & usable[:-1])
     first = np.flatnonzero(chosen & ~(same & np.append(False, chosen[:-1])))
     last = np.flatnonzero(chosen & ~np.append((same & chosen)[1:], False))
     inside = (first > 0) & (last < len(seconds) - 1)
     first, last = first[inside], last[inside]
-    linked = log.usable[first - 1] & log.usable[last]
+    linked = usable[first - 1] & usable[last]
     first, last = first[linked], last[linked]
-    before, seen = seconds[first] - seconds[first - 1], seconds[last] - seconds[first]
+    before, observed = seconds[first] - seconds[first - 1], seconds[last] - seconds[first]
     after = seconds[last + 1] - seconds[last]
     if len(gaps) and has_event_messages(gaps, after):
-        fine = np.full(len(seen), EVENT_ERROR_S)
-        return Censored(fine, seen + after - EVENT_ERROR_S, fine, np.zeros(0), EVENT_ERROR_S)
-    return Censored(before, seen, after, gap_quantiles(gaps), stamp_error(gaps))
+        fine = np.full(len(observed), EVENT_ERROR_S)
+        return Censored(fine, observed + after - EVENT_ERROR_S, fine, np.zeros(0), EVENT_ERROR_S)
+    return Censored(before, observed, after, gap_quantiles(gaps), stamp_error(gaps))
 
 
 def has_event_messages(gaps: Array, after: Array) -> bool:
@@ -279,11 +276,11 @@ def fit_durations(data: Censored, seed: int = 0) -> DurationFit:
 
 
 def family_p(data: Censored, fit: DurationFit, seed: int) -> float:
-    """The p value of a two-sample test of observed and simulated operations.
+    """The p value of a Kolmogorov-Smirnov test of observed and simulated operations.
 
     Both are compared by their middles, which are blurred by the gap between messages.
     """
-    from scipy.stats import ks_2samp
+    from scipy.special import kolmogorov
 
     rng = np.random.default_rng(seed)
     n = REPEATS * data.n
@@ -296,7 +293,12 @@ def family_p(data: Censored, fit: DurationFit, seed: int) -> float:
         middles + rng.uniform(-gap / 2, gap / 2, len(middles))
         for middles in (data.middles, simulated)
     )
-    return float(ks_2samp(first, second).pvalue)
+    both = np.sort(np.concatenate((first, second)))
+    shares = (
+        np.searchsorted(np.sort(one), both, side="right") / len(one) for one in (first, second)
+    )
+    distance = float(abs(next(shares) - next(shares)).max())
+    return float(kolmogorov(distance * math.sqrt(len(first) * len(second) / len(both))))
 
 
 def empirical_quantiles(data: Censored) -> tuple[float, ...]:
@@ -304,16 +306,21 @@ def empirical_quantiles(data: Censored) -> tuple[float, ...]:
 
     Source: Turnbull (1976), with the likelihood above for each duration of a grid.
     """
-    top = float((data.free_before + data.seen + data.free_after).max())
-    bottom = float(data.seen.min())
+    top = float((data.free_before + data.observed + data.free_after).max())
+    bottom = float(data.observed.min())
     grid = np.linspace(max(bottom, SHORTEST_S), top, 2 * QUANTILES)[None, :]
 
     def area(x: Array) -> Array:
         out: Array = np.maximum(x[:, None] - grid, 0.0)
         return out
 
-    before, seen, after = data.free_before, data.seen, data.free_after
-    likely = area(before + seen + after) - area(seen + after) - area(before + seen) + area(seen)
+    before, observed, after = data.free_before, data.observed, data.free_after
+    likely = (
+        area(before + observed + after)
+        - area(observed + after)
+        - area(before + observed)
+        + area(observed)
+    )
     likely = np.maximum(likely, 0.0)
     known = likely.sum(axis=1) > 0
     likely = likely[known]

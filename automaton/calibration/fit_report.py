@@ -5,10 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from typing import Any, Final
 
-from automaton.calibration.fitted_settings import Settings
 from automaton.calibration.site_fits import HOUR, Estimate, SiteFits
 from automaton.documents.report_document import Heading, Listed, ReportDocument, Table, Text
-from automaton.units import count
 
 HEAD: Final = ("setting", "scenario", "fitted", "95 % interval", "unit", "from", "remark")
 
@@ -18,14 +16,10 @@ def fit_document(
 ) -> ReportDocument:
     """The report of a fit; `read`: what was read from the log."""
     document = ReportDocument(f"{scenario}, fitted to a log")
-    robots = count(fits.robots, "robot")
-    fitted = count(len(fits.estimates) + len(fits.slow), "value")
+    fitted = len(fits.estimates) + len(fits.slow)
     document.add(
-        Text(f"{fitted} fitted, {len(fits.unsaid)} not: written to {out}.", strong=True),
-        Listed(
-            [*read, f"{robots}, {fits.hours:.3g} h, a message every {fits.gap_s:.3g} s (median)"],
-            mark="",
-        ),
+        Text(f"{fitted} values fitted, {len(fits.unsaid)} not: written to {out}.", strong=True),
+        Listed([*read, fits.extent], mark=""),
     )
     rows = [list(row) for row in estimate_rows(fits)]
     if rows:
@@ -80,7 +74,7 @@ def estimate_rows(fits: SiteFits) -> Iterator[Sequence[str]]:
 
 def fit_record(
     fits: SiteFits,
-    settings: Settings,
+    settings: dict[str, Any],
     remarks: Sequence[str],
     scenario: str,
     out: str,

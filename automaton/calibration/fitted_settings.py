@@ -180,8 +180,10 @@ def _floor(fits: SiteFits, floor: Mapping[str, Any]) -> Settings:
         for one in fits.slow
     ]
     fitted = [limit["cells"] for limit in limits]
-    kept = [limit for limit in floor.get("speed_limits") or [] if limit.get("cells") not in fitted]
-    return {"speed_limits": [*copy.deepcopy(kept), *limits]}
+    others = [
+        limit for limit in floor.get("speed_limits") or [] if limit.get("cells") not in fitted
+    ]
+    return {"speed_limits": [*copy.deepcopy(others), *limits]}
 
 
 def largest_tick(fitted: Resolved) -> float | None:

@@ -4,7 +4,7 @@
     heading       >          >          v          v          two messages in motion, less the path
     driving       yes        yes        no         yes        between them at the usual speed
 
-Only robots without another one ahead tell how fast they drive, and a median resists the rest: robots that
+Only robots without another one ahead show how fast they drive, and a median resists the rest: robots that
 braked for something that no message shows. All positions are in cells, speeds in cells per second.
 """
 
@@ -30,7 +30,7 @@ CORE: Final = 2.5  # standard deviations beyond which slow pairs were obstructed
 LEVEL: Final = 0.95
 
 
-class Track(NamedTuple):
+class RobotTracks(NamedTuple):
     """A log on its floor: a row for each message."""
 
     robot: Array  # (n,) int32
@@ -45,7 +45,7 @@ class Track(NamedTuple):
     usable: Array  # (n,) bool: of this message and the next
 
 
-class Pairs(NamedTuple):
+class MessagePairs(NamedTuple):
     """A row for each message and the next."""
 
     seconds: Array  # (n,)
@@ -55,7 +55,7 @@ class Pairs(NamedTuple):
     free: Array  # (n,) bool: straight, in motion at both messages, without a robot ahead
 
 
-class Fit(NamedTuple):
+class FittedValue(NamedTuple):
     """An estimate with its 95 % interval."""
 
     value: float
@@ -63,12 +63,12 @@ class Fit(NamedTuple):
     high: float
     n: int  # observations
 
-    def scaled(self, factor: float) -> Fit:
+    def scaled(self, factor: float) -> FittedValue:
         """The same in another unit."""
-        return Fit(self.value * factor, self.low * factor, self.high * factor, self.n)
+        return FittedValue(self.value * factor, self.low * factor, self.high * factor, self.n)
 
 
-def track_of(log: StateLog, placed: Placed, floor_plan: FloorPlan) -> Track:
+def track_of(log: StateLog, placed: Placed, floor_plan: FloorPlan) -> RobotTracks:
     """The log of robots with the place of each message."""
     samples, cell = log.samples, placed.cell
     row, column = np.divmod(cell, floor_plan.stride)
@@ -80,7 +80,7 @@ def track_of(log: StateLog, placed: Placed, floor_plan: FloorPlan) -> Track:
     row = np.where(known, row - 1 + placed.share * (to_row - row), np.nan)
     seconds = samples.time / 1000
     usable = log.usable & known & np.append(known[1:], False)
-    return Track(
+    return RobotTracks(
         robot=samples.robot,
         seconds=seconds,
         column=column,
@@ -128,7 +128,7 @@ def robots_ahead(seconds: Array, usable: Array, column: Array, row: Array, headi
     return out
 
 
-def pairs_of(track: Track) -> Pairs:
+def pairs_of(track: RobotTracks) -> MessagePairs:
     """What lies between each message and the next."""
     seconds, across, down = (
         np.append(np.diff(one), 0.0) for one in (track.seconds, track.column, track.row)
@@ -144,10 +144,12 @@ def pairs_of(track: Track) -> Pairs:
         in_line = np.minimum(abs(across), abs(down)) < LATERAL
     straight = track.usable & (seconds > 0) & in_line & alike(track.heading)
     straight &= alike(track.loaded) & both(~track.acts)
-    return Pairs(seconds, across, down, straight, straight & both(track.driving & ~track.near))
+    return MessagePairs(
+        seconds, across, down, straight, straight & both(track.driving & ~track.near)
+    )
 
 
-def speed_windows(track: Track, pairs: Pairs, chosen: Array) -> Array:
+def speed_windows(track: RobotTracks, pairs: MessagePairs, chosen: Array) -> Array:
     """Speeds over runs of free pairs, in windows of WINDOW_S and what remains of a run.
 
     Pairs at the ends of a run are left out where there are enough others: the robot may have stood there.
@@ -160,7 +162,7 @@ def speed_windows(track: Track, pairs: Pairs, chosen: Array) -> Array:
     return _windows(pairs, free, gap)
 
 
-def _windows(pairs: Pairs, free: Array, least: float) -> Array:
+def _windows(pairs: MessagePairs, free: Array, least: float) -> Array:
     """Speeds over windows of at least about `least` seconds."""
     run = np.cumsum(np.append(True, ~(free[1:] & free[:-1])))[free]
     if not len(run):
@@ -187,23 +189,23 @@ def core(values: Array, sign: int = 1) -> Array:
         beyond = sign * (values - middle)
         upper = beyond[beyond >= 0]
         spread = 1.4826 * np.median(upper) if len(upper) else 0.0
-        kept: Array = values[abs(beyond) <= CORE * max(spread, 1e-9 + 1e-6 * abs(middle))]
-        after = np.median(kept)
+        near: Array = values[abs(beyond) <= CORE * max(spread, 1e-9 + 1e-6 * abs(middle))]
+        after = np.median(near)
         if after == middle:
             break
         middle = after
-    return kept
+    return near
 
 
-def median_fit(values: Array, level: float = LEVEL) -> Fit:
+def median_fit(values: Array, level: float = LEVEL) -> FittedValue:
     """The median with an interval of order statistics."""
-    from scipy.stats import binom
+    from scipy.special import bdtrik
 
     ordered = np.sort(values)
     n = len(ordered)
-    rank = int(binom.ppf((1 - level) / 2, n, 0.5))
+    rank = math.ceil(bdtrik((1 - level) / 2, n, 0.5))
     low, high = ordered[max(rank - 1, 0)], ordered[min(n - rank, n - 1)]
-    return Fit(float(np.median(ordered)), float(low), float(high), n)
+    return FittedValue(float(np.median(ordered)), float(low), float(high), n)
 
 
 class Corners(NamedTuple):
@@ -213,7 +215,7 @@ class Corners(NamedTuple):
     seconds: Array  # (k,) time beyond that of the path at the usual speed
 
 
-def corners_of(track: Track, cells_per_second: Array) -> Corners:
+def corners_of(track: RobotTracks, cells_per_second: Array) -> Corners:
     """Turns without an operation or a robot ahead; `cells_per_second`: (n,) usual speed at a message."""
     moving = np.flatnonzero(track.driving & ~np.isnan(track.column))
     first, last = moving[:-1], moving[1:]

@@ -14,7 +14,7 @@ import numpy as np
 
 from automaton.calibration import battery_fits, duration_fits, motion_fits, stop_fits
 from automaton.calibration.log_on_floor import placed
-from automaton.calibration.motion_fits import Fit, Pairs, Track
+from automaton.calibration.motion_fits import FittedValue, MessagePairs, RobotTracks
 from automaton.calibration.state_log import StateLog
 from automaton.scenario.robot_types import RobotType, types_of
 from automaton.units import count
@@ -48,7 +48,7 @@ class Estimate(NamedTuple):
     key: str  # such as durations.move.empty; of a type: fleet.types.NAME.durations.move.empty
     unit: str
     present: float | None  # the value of the scenario; None: it has none, or a random one
-    fit: Fit
+    fit: FittedValue
     observed: str  # "5,384 pairs of messages"
     remark: str = ""  # such as the family of a distribution
 
@@ -69,13 +69,19 @@ class SiteFits(NamedTuple):
     charging: tuple[tuple[float, float], ...]  # from percent, percent per second
     slow: list[stop_fits.SlowStretch]
 
+    @property
+    def extent(self) -> str:
+        """How much was logged, as a sentence."""
+        robots = count(self.robots, "robot")
+        return f"{robots}, {self.hours:.3g} h, a message every {self.gap_s:.3g} s (median)"
 
-class Site(NamedTuple):
+
+class LoggedSite(NamedTuple):
     """A log on the floor of a scenario."""
 
     log: StateLog
-    track: Track
-    pairs: Pairs
+    track: RobotTracks
+    pairs: MessagePairs
     kind: Array  # (n,) type of the robot of each message
     types: tuple[RobotType, ...]
     gap: float
@@ -84,13 +90,13 @@ class Site(NamedTuple):
     error: float  # standard deviation of a duration through errors of the stamps
 
 
-def site_of(log: StateLog, resolved: Resolved) -> Site:
+def site_of(log: StateLog, resolved: Resolved) -> LoggedSite:
     """The log on the floor of a scenario. Raises InputError."""
     scenario, floor_plan = resolved.scenario, resolved.floor_plan
     track = motion_fits.track_of(log, placed(log, floor_plan, scenario.units), floor_plan)
     types = types_of(scenario)
     gaps = np.diff(track.seconds)[log.usable[:-1]]
-    return Site(
+    return LoggedSite(
         log,
         track,
         motion_fits.pairs_of(track),
@@ -118,7 +124,7 @@ def type_of_robots(names: Sequence[str], counts: Sequence[int]) -> Array:
 class Fitting:
     """Collects estimates and what cannot be said."""
 
-    def __init__(self, site: Site) -> None:
+    def __init__(self, site: LoggedSite) -> None:
         self.site = site
         self.estimates: dict[str, Estimate] = {}
         self.unsaid: list[str] = []
@@ -132,7 +138,7 @@ class Fitting:
             self.unsaid.append(f"{what}: {have:,} of at least {count(need, unit)}")
         return have >= need
 
-    def is_seen(self, what: str, seconds: float) -> bool:
+    def is_long_enough(self, what: str, seconds: float) -> bool:
         """Whether an operation lasts longer than the gap between messages; if not, say so."""
         gap = self.site.gap
         if seconds < gap:
@@ -145,7 +151,7 @@ class Fitting:
 
 
 def fit_site(
-    site: Site,
+    site: LoggedSite,
     operations: Mapping[str, str] = OPERATIONS,
     thresholds: Thresholds = USUAL_THRESHOLDS,
 ) -> SiteFits:
@@ -177,7 +183,7 @@ def fit_site(
     )
 
 
-def type_key(site: Site, kind: int, key: str) -> str:
+def type_key(site: LoggedSite, kind: int, key: str) -> str:
     """The key of a value of a type of robots."""
     name = site.types[kind].name
     return f"fleet.types.{name}.{key}" if name else key
@@ -245,7 +251,7 @@ def _fit_turns(fitting: Fitting) -> Array:
         if not fitting.has_enough(key, len(seconds), MIN_TURNS, "turn"):
             continue
         fit = motion_fits.median_fit(motion_fits.core(seconds, -1))
-        if fitting.is_seen(key, fit.value):
+        if fitting.is_long_enough(key, fit.value):
             turns[kind] = fit.value
             fitting.add(Estimate(key, "s", present, fit, f"{len(seconds):,} turns"))
     return turns
@@ -261,11 +267,12 @@ def _fit_operations(
             fitting.unsaid.append(f"durations.{name}: the log has no action {action}")
             continue
         chosen = site.log.samples.action == site.log.actions.index(action) + 1
-        data = duration_fits.operations_of(site.log, chosen)
+        identity = site.log.samples.action_id
+        data = duration_fits.operations_of(site.track.seconds, site.log.usable, identity, chosen)
         if not fitting.has_enough(f"durations.{name}", data.n, MIN_OPERATIONS, "operation"):
             continue
         fit = duration_fits.fit_durations(data)
-        if len(data.gaps) and not fitting.is_seen(f"durations.{name}", fit.mean):
+        if len(data.gaps) and not fitting.is_long_enough(f"durations.{name}", fit.mean):
             continue
         out[name] = fit
         durations = site.types[0].durations
@@ -277,7 +284,7 @@ def _fit_operations(
                 f"durations.{name}",
                 "s",
                 present,
-                Fit(fit.mean, fit.low, fit.high, fit.n),
+                FittedValue(fit.mean, fit.low, fit.high, fit.n),
                 f"{fit.n:,} times",
                 family_words(fit),
             )
@@ -303,7 +310,7 @@ def _fit_delays(fitting: Fitting, shortest: float) -> stop_fits.DelayFit | None:
     key = "faults.delays"
     if not fitting.has_enough(key, fit.rate.n, MIN_DELAYS, "delay") or fit.length is None:
         return None
-    if not fitting.is_seen(key, fit.length.value):
+    if not fitting.is_long_enough(key, fit.length.value):
         return None
     observed = f"{fit.rate.n:,} delays"
     fitting.add(Estimate(f"{key}.probability", "/h", None, fit.rate.scaled(HOUR), observed))
@@ -315,8 +322,8 @@ def _fit_delays(fitting: Fitting, shortest: float) -> stop_fits.DelayFit | None:
 def _fit_breakdowns(fitting: Fitting) -> tuple[duration_fits.DurationFit | None, bool]:
     site = fitting.site
     gaps = duration_fits.gap_quantiles(np.diff(site.track.seconds)[site.log.usable[:-1]])
-    found = stop_fits.fit_breakdowns(site.track, site.log.samples.down, gaps, site.error)
-    rate = found.rate
+    breakdowns = stop_fits.fit_breakdowns(site.track, site.log.samples.down, gaps, site.error)
+    rate = breakdowns.rate
     low, high = (HOUR * one for one in (rate.low, rate.high))
     bounds = f"{1 / high:,.3g} to {1 / low:,.3g} h" if low else f"above {1 / high:,.3g} h"
     if rate.n < MIN_BREAKDOWNS:
@@ -324,15 +331,15 @@ def _fit_breakdowns(fitting: Fitting) -> tuple[duration_fits.DurationFit | None,
             f"faults.mtbf: {rate.n:,} of at least {count(MIN_BREAKDOWNS, 'breakdown')}; {bounds}"
         )
         return None, False
-    mtbf = Fit(1 / (rate.value * HOUR), 1 / high, 1 / low, rate.n)
+    mtbf = FittedValue(1 / (rate.value * HOUR), 1 / high, 1 / low, rate.n)
     fitting.add(Estimate("faults.mtbf", "h", None, mtbf, f"{rate.n:,} breakdowns"))
-    if found.repairs.n < MIN_BREAKDOWNS:
-        return None, found.towed > 0
-    fit = duration_fits.fit_durations(found.repairs)
-    key = "faults.repair_time" if found.towed else "faults.repair_in_place"
-    interval = Fit(fit.mean, fit.low, fit.high, fit.n)
+    if breakdowns.repairs.n < MIN_BREAKDOWNS:
+        return None, breakdowns.towed > 0
+    fit = duration_fits.fit_durations(breakdowns.repairs)
+    key = "faults.repair_time" if breakdowns.towed else "faults.repair_in_place"
+    interval = FittedValue(fit.mean, fit.low, fit.high, fit.n)
     fitting.add(Estimate(key, "s", None, interval, f"{fit.n:,} repairs", family_words(fit)))
-    return fit, found.towed > 0
+    return fit, breakdowns.towed > 0
 
 
 def _fit_battery(
@@ -363,7 +370,7 @@ def _fit_battery(
     battery = site.types[0].battery
     for name, drain in (fit.drains if fit else {}).items():
         shortest = {"turn": float(turns.min()), **known}.get(name, math.inf)
-        if not fitting.is_seen(f"battery.drain.{name}", shortest):
+        if not fitting.is_long_enough(f"battery.drain.{name}", shortest):
             continue
         present = getattr(battery.drain, name) * HOUR / site.tick if battery else None
         key = f"battery.drain.{name}"

@@ -13,7 +13,13 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 
 from automaton.calibration.duration_fits import Censored
-from automaton.calibration.motion_fits import LEVEL, Fit, Pairs, Track, median_fit
+from automaton.calibration.motion_fits import (
+    LEVEL,
+    FittedValue,
+    MessagePairs,
+    RobotTracks,
+    median_fit,
+)
 
 Array = np.ndarray[Any, Any]
 
@@ -31,12 +37,16 @@ class SlowStretch(NamedTuple):
 
     first: tuple[int, int]  # x, y
     last: tuple[int, int]
-    share: Fit  # of the usual speed
-    speed: Fit  # m/s of the fastest robots there
+    share: FittedValue  # of the usual speed
+    speed: FittedValue  # m/s of the fastest robots there
 
 
 def slow_stretches(
-    pairs: Pairs, track: Track, usual: Array, metres: float, slow_share: float = SLOW_SHARE
+    pairs: MessagePairs,
+    track: RobotTracks,
+    usual: Array,
+    metres: float,
+    slow_share: float = SLOW_SHARE,
 ) -> list[SlowStretch]:
     """The slow stretches; `usual`: (n,) usual speed at each message, in cells per second."""
     chosen = np.flatnonzero(pairs.free & (usual > 0))
@@ -65,7 +75,7 @@ def slow_stretches(
     return sorted(out, key=lambda one: one.share.value)
 
 
-def _fastest(speed: Array, usual: Array) -> Fit:
+def _fastest(speed: Array, usual: Array) -> FittedValue:
     """The speed of the robots that a limit slows down, not of those that are slower anyway."""
     fits = [median_fit(speed[usual == one]) for one in np.unique(usual)]
     return max((fit for fit in fits if fit.n >= len(speed) / 10), key=lambda fit: fit.value)
@@ -75,12 +85,14 @@ def _slow_runs(
     line: Array, edge: Array, share: Array, slow_share: float
 ) -> list[tuple[int, int, int]]:
     """(line, first cell, last cell) of runs of slow edges in lines."""
+    if not len(share):
+        return []
     order = np.lexsort((edge, line))
     line, edge, share = line[order], edge[order], share[order]
     first = np.flatnonzero(np.append(True, (np.diff(line) != 0) | (np.diff(edge) != 0)))
-    groups = np.split(share, first[1:]) if len(share) else []
+    groups = np.split(share, first[1:])
     slow: dict[tuple[int, int], Array] = {}
-    level = 1 - (1 - LEVEL) / max(len(groups), 1)  # of one interval, so that all hold together
+    level = 1 - (1 - LEVEL) / len(groups)  # of one interval, so that all hold together
     for begin, values in zip(first.tolist(), groups, strict=True):
         if len(values) >= MIN_SLOW_PAIRS and median_fit(values, level).high < 1 - slow_share:
             slow[int(line[begin]), int(edge[begin])] = values
@@ -102,12 +114,14 @@ def _slow_runs(
 class DelayFit(NamedTuple):
     """Delays of robots in motion."""
 
-    rate: Fit  # per second
+    rate: FittedValue  # per second
     lengths: Array  # (k,) seconds
-    length: Fit | None  # mean
+    length: FittedValue | None  # mean
 
 
-def fit_delays(track: Track, order: Array, usual: Array, error: float, shortest: float) -> DelayFit:
+def fit_delays(
+    track: RobotTracks, order: Array, usual: Array, error: float, shortest: float
+) -> DelayFit:
     """The delays above `shortest` seconds; `order`: (n,) above 0 with one, `error`: of a duration."""
     moving = np.flatnonzero(track.driving & ~np.isnan(track.column))
     first, last = moving[:-1], moving[1:]
@@ -134,30 +148,30 @@ def fit_delays(track: Track, order: Array, usual: Array, error: float, shortest:
     length = None
     if len(lengths) > 1:
         mean, half = float(lengths.mean()), 1.96 * float(lengths.std()) / math.sqrt(len(lengths))
-        length = Fit(mean, mean - half, mean + half, len(lengths))
+        length = FittedValue(mean, mean - half, mean + half, len(lengths))
     return DelayFit(poisson_fit(len(lengths), exposure), lengths, length)
 
 
-def poisson_fit(events: int, exposure: float) -> Fit:
+def poisson_fit(events: int, exposure: float) -> FittedValue:
     """Events per unit of exposure, with the exact interval of a Poisson count (Garwood)."""
-    from scipy.stats import chi2
+    from scipy.special import gammaincinv
 
     if exposure <= 0:
-        return Fit(math.nan, 0.0, math.inf, 0)
-    low = chi2.ppf(0.025, 2 * events) / 2 if events else 0.0
-    high = chi2.ppf(0.975, 2 * events + 2) / 2
-    return Fit(events / exposure, float(low) / exposure, float(high) / exposure, events)
+        return FittedValue(math.nan, 0.0, math.inf, 0)
+    low = gammaincinv(events, 0.025) if events else 0.0
+    high = gammaincinv(events + 1, 0.975)
+    return FittedValue(events / exposure, float(low) / exposure, float(high) / exposure, events)
 
 
 class Breakdowns(NamedTuple):
     """Breakdowns and repairs."""
 
-    rate: Fit  # per second that a robot was up
+    rate: FittedValue  # per second that a robot was up
     repairs: Censored  # times from breakdown to repair
     towed: int  # breakdowns after which the robot left the floor
 
 
-def fit_breakdowns(track: Track, down: Array, gaps: Array, error: float) -> Breakdowns:
+def fit_breakdowns(track: RobotTracks, down: Array, gaps: Array, error: float) -> Breakdowns:
     """The breakdowns; `down`: (n,) bool."""
     seconds = np.append(np.diff(track.seconds), 0.0)
     linked = np.append(track.robot[1:] == track.robot[:-1], False)
@@ -180,7 +194,7 @@ def fit_breakdowns(track: Track, down: Array, gaps: Array, error: float) -> Brea
                     times[end + 1] - times[end],
                 )
             )
-    before, seen, after = np.array(rows, float).reshape(-1, 3).T
+    before, observed, after = np.array(rows, float).reshape(-1, 3).T
     return Breakdowns(
-        poisson_fit(len(begins), up), Censored(before, seen, after, gaps, error), towed
+        poisson_fit(len(begins), up), Censored(before, observed, after, gaps, error), towed
     )

@@ -1,4 +1,4 @@
-"""Trials of `automaton calibrate` on logs of which the truth is known.
+"""Trials of `automaton calibrate` on logs of which the truth is known, run by hand.
 
     python tests/helpers/calibration_trials.py sites [N]      N drawn sites, a shift each (default: 20)
     python tests/helpers/calibration_trials.py families [N]   N fits of each family and gap
@@ -184,10 +184,12 @@ def try_sites(number: int) -> int:
 def observed(rng: np.random.Generator, durations: Any, gap: float) -> Censored:
     """Operations that begin at random times, as messages with a period show them."""
     ends = rng.uniform(0, gap, len(durations)) + durations
-    seen = np.floor(ends / gap)
-    seen = seen[seen > 0]
-    pause = np.full(len(seen), gap)
-    return Censored(pause, (seen - 1) * gap, pause, np.array([gap]), duration_fits.EVENT_ERROR_S)
+    observed = np.floor(ends / gap)
+    observed = observed[observed > 0]
+    pause = np.full(len(observed), gap)
+    return Censored(
+        pause, (observed - 1) * gap, pause, np.array([gap]), duration_fits.EVENT_ERROR_S
+    )
 
 
 def coverage(number: int) -> Iterator[tuple[str, float, float]]:

@@ -124,7 +124,7 @@ class _Message(msgspec.Struct):
 
 
 DECODER: Final = msgspec.json.Decoder(_Message)
-TEXT: Final = msgspec.json.Decoder(str)
+TEXT_DECODER: Final = msgspec.json.Decoder(str)
 
 
 class Numbers(dict[Any, int]):
@@ -311,7 +311,7 @@ def _lines(stream: Any) -> Iterator[bytes]:
 def _unpacked(payload: msgspec.Raw) -> _Message:
     """The message in an envelope, as an object or as its text. Raises MsgspecError."""
     data = bytes(payload)
-    return DECODER.decode(TEXT.decode(data) if data[:1] == b'"' else data)
+    return DECODER.decode(TEXT_DECODER.decode(data) if data[:1] == b'"' else data)
 
 
 def _milliseconds(stamp: Stamp) -> int:

@@ -437,6 +437,7 @@ def answer(result: StreetResult, asked: Asked) -> Iterator[str]:
     question = asked.question
     if not result.choice.place:
         yield "No gain that holds: no design was better than the scenario as it is in the choice."
+        yield from hint_of_demand(question)
         return
     for one in result.fleets:
         if not one.is_asked:
@@ -451,7 +452,15 @@ def answer(result: StreetResult, asked: Asked) -> Iterator[str]:
         )
         if one.warnings:
             yield f"Worse with {one.robots:,} robots: {'; '.join(one.warnings)}."
+    if not any(one.is_gain(question.is_higher_better) for one in result.fleets if one.is_asked):
+        yield from hint_of_demand(question)
     yield f"The design is '{result.chosen.name}'."
+
+
+def hint_of_demand(question: SearchQuestion) -> Iterator[str]:
+    """What to ask if robots deliver all that there is to deliver anyway."""
+    if question.metric == "throughput":
+        yield "If demand limits the throughput, search by a time, such as --metric lead_time."
 
 
 def fleet_blocks(result: StreetResult, question: SearchQuestion) -> Iterator[Block]:

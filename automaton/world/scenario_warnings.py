@@ -132,11 +132,13 @@ def street_warnings(resolved: Resolved) -> list[str]:
     turns = any(ticks for one in resolved.fleet.types for ticks in one.turns)
     if turns and mean > FAR_FROM_1:
         warnings.append(
-            f"streets has a mean weight of {mean:,g}, so turns are nearly free; set scale: mean"
+            f"the mean weight of streets is {mean:,g}, so turns are nearly free; divide the weights, or "
+            "set scale: mean for a file or a preset"
         )
     elif turns and mean < 1 / FAR_FROM_1:
         warnings.append(
-            f"streets has a mean weight of {mean:g}, so turns are very expensive; set scale: mean"
+            f"the mean weight of streets is {mean:g}, so turns are very expensive; divide the weights, "
+            "or set scale: mean for a file or a preset"
         )
     return warnings + into
 

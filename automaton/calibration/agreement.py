@@ -18,7 +18,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 
 from automaton.calibration.fleet_trace import (
-    HOUR,
+    HOURLY,
     LEAD_TIME,
     LEAD_TIME_P50,
     LEAD_TIME_P95,
@@ -38,9 +38,9 @@ Measures = Mapping[str, float]
 ERROR: Final = 0.05  # of all tests of a comparison together
 POWER: Final = 0.9
 TOLERANCES: Final = {ORDERS_AN_HOUR: 0.05, LEAD_TIME: 0.1, LEAD_TIME_P50: 0.1, LEAD_TIME_P95: 0.1}
-JUDGED: Final = (ORDERS_AN_HOUR, LEAD_TIME)  # a model matches if both are within their tolerances
+DECISIVE: Final = (ORDERS_AN_HOUR, LEAD_TIME)  # a model matches if both are within their tolerances
 LEAST_SPREAD: Final = 0.005  # of the mean: runs that all agree are not certain
-LEAST_ORDERS: Final = 0.5  # the same, of orders in an hour
+LEAST_ORDER_SPREAD: Final = 0.5  # the same, of orders in an hour
 MIN_STRETCH_SHARE: Final = 0.002  # of the robot time; less busy stretches are not compared
 MATCHES: Final = "matches"
 DIFFERS: Final = "differs"
@@ -74,7 +74,7 @@ class DayBand(NamedTuple):
     outside: tuple[str, ...]  # quantities outside the band, hours first in their order
 
 
-class Difference(NamedTuple):
+class QuantityDifference(NamedTuple):
     """A quantity over all days: real relative to simulated."""
 
     quantity: str
@@ -98,7 +98,7 @@ class StretchDifference(NamedTuple):
     stretch: int
     real: float
     simulated: float
-    p: float  # adjusted by Holm over all stretches; 1: one day
+    p: float  # adjusted for all tests of the comparison; 1: one day
 
 
 class Agreement(NamedTuple):
@@ -107,7 +107,7 @@ class Agreement(NamedTuple):
     verdict: str
     bands: list[DayBand]
     p_days: float  # adjusted p of the bands of all days together
-    differences: list[Difference]
+    differences: list[QuantityDifference]
     stretches: list[StretchDifference]  # by p, then by seconds
 
     @property
@@ -121,7 +121,7 @@ class Agreement(NamedTuple):
 
 def agreement(days: Sequence[DayResult]) -> Agreement:
     """Judge a model by days that it was not fitted to."""
-    names = [name for name in days[0].real if not name.startswith((HOUR, STRETCH))]
+    names = [name for name in days[0].real if not name.startswith((HOURLY, STRETCH))]
     bands = [day_band(day) for day in days]
     ratios = {name: relative_differences(days, name) for name in names}
     stretches = stretch_differences(days)
@@ -131,7 +131,9 @@ def agreement(days: Sequence[DayResult]) -> Agreement:
     ]
     p_days = combined([band.p for band in bands])
     if len(days) > 1:  # the bands cover all quantities, so they have half of the error
-        p_days, quantities = min(1.0, 2 * p_days), [min(1.0, 2 * p) for p in holm(quantities)]
+        p_days, least = min(1.0, 2 * p_days), quantities[0]
+        quantities = [min(1.0, 2 * p) for p in holm(quantities)]
+        stretches = [one._replace(p=min(1.0, one.p * quantities[0] / least)) for one in stretches]
     differences = [
         difference(days, name, ratios[name], p)
         for name, p in zip(names, quantities[1:], strict=True)
@@ -140,11 +142,11 @@ def agreement(days: Sequence[DayResult]) -> Agreement:
     return Agreement(verdict, bands, p_days, differences, stretches)
 
 
-def verdict_of(adjusted: Sequence[float], differences: Sequence[Difference]) -> str:
+def verdict_of(adjusted: Sequence[float], differences: Sequence[QuantityDifference]) -> str:
     """The verdict of a comparison from the adjusted p of all its tests."""
     if min(adjusted) <= ERROR:
         return DIFFERS
-    judged = [one for one in differences if one.quantity in JUDGED]
+    judged = [one for one in differences if one.quantity in DECISIVE]
     return MATCHES if all(one.verdict == MATCHES for one in judged) else UNDECIDED
 
 
@@ -163,7 +165,7 @@ def day_band(day: DayResult) -> DayBand:
     ]
     runs = runs[:, np.isfinite(runs).all(axis=0)]
     real = np.array([day.real[name] for name in names])
-    floor = np.array([LEAST_ORDERS if name.startswith(HOUR) else 0.0 for name in names])
+    floor = np.array([LEAST_ORDER_SPREAD if name.startswith(HOURLY) else 0.0 for name in names])
     n, mean = len(runs), runs.mean(axis=0)
     floor = np.maximum(floor, LEAST_SPREAD * np.abs(mean))
     spread = np.maximum(runs.std(axis=0, ddof=1), floor)
@@ -175,8 +177,8 @@ def day_band(day: DayResult) -> DayBand:
     limit = np.sort(largest)[min(n, math.ceil((1 - ERROR) * (n + 1))) - 1]
     p = (1 + int((largest >= deviation.max()).sum())) / (n + 1)
     outside = [name for name, far in zip(names, deviation > limit, strict=True) if far]
-    outside.sort(key=lambda name: not name.startswith(HOUR))
-    is_hour = np.array([name.startswith(HOUR) for name in names])
+    outside.sort(key=lambda name: not name.startswith(HOURLY))
+    is_hour = np.array([name.startswith(HOURLY) for name in names])
     ends = np.stack(
         [real, mean, np.maximum(mean - limit * spread, 0), mean + limit * spread], axis=1
     )
@@ -209,7 +211,7 @@ def p_of_zero(values: Sequence[float]) -> float:
 
 def difference(
     days: Sequence[DayResult], name: str, values: Sequence[float], p: float
-) -> Difference:
+) -> QuantityDifference:
     """The difference of a quantity over all days, and its verdict."""
     tolerance, needed = TOLERANCES.get(name), None
     interval = mean_interval(values, 1 - 2 * ERROR) if values else None
@@ -221,7 +223,7 @@ def difference(
             verdict = MATCHES
     real = mean_of(day.real[name] for day in days)
     simulated = mean_of(day.mean(name) for day in days)
-    return Difference(name, real, simulated, interval, p, tolerance, verdict, needed)
+    return QuantityDifference(name, real, simulated, interval, p, tolerance, verdict, needed)
 
 
 def days_needed(spread: float, tolerance: float) -> int:

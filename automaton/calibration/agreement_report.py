@@ -10,19 +10,19 @@ from typing import Any, Final
 import numpy as np
 
 from automaton.calibration.agreement import (
+    DECISIVE,
     DIFFERS,
     ERROR,
-    JUDGED,
     MATCHES,
     Agreement,
     DayResult,
-    Difference,
+    QuantityDifference,
 )
 from automaton.calibration.compared_days import Compared
 from automaton.calibration.fleet_trace import (
     EMPTY_SHARE,
     HEADWAY,
-    HOUR,
+    HOURLY,
     ORDER_SHARE,
     ORDERS_AN_HOUR,
     STRETCH,
@@ -42,7 +42,7 @@ from automaton.units import count, percent
 
 EPOCH: Final = datetime.datetime(1970, 1, 1)
 MAX_STRETCHES: Final = 8
-SHARES: Final = (ORDER_SHARE, EMPTY_SHARE)
+SHARE_QUANTITIES: Final = (ORDER_SHARE, EMPTY_SHARE)
 
 
 def agreement_document(name: str, compared: Compared, notes: Sequence[str]) -> ReportDocument:
@@ -90,9 +90,9 @@ def verdict_sentence(compared: Compared) -> str:
     return "Cannot be said whether the model matches the site."
 
 
-def judged(result: Agreement) -> list[Difference]:
+def judged(result: Agreement) -> list[QuantityDifference]:
     """The differences that decide whether a model matches."""
-    return [one for one in result.differences if one.quantity in JUDGED]
+    return [one for one in result.differences if one.quantity in DECISIVE]
 
 
 def first_text(compared: Compared) -> str:
@@ -102,9 +102,9 @@ def first_text(compared: Compared) -> str:
         return ""
     number, quantity = first
     day = compared.days[number]
-    if not quantity.startswith(HOUR):
+    if not quantity.startswith(HOURLY):
         return f", first on {day.name} in {plain_name(compared, quantity)}"
-    return f", first on {day.name} at {hour_name(day, int(quantity.removeprefix(HOUR)))}"
+    return f", first on {day.name} at {hour_name(day, int(quantity.removeprefix(HOURLY)))}"
 
 
 def reasons(compared: Compared) -> Iterator[str]:
@@ -169,7 +169,7 @@ def quantity_table(compared: Compared) -> Table:
     return Table(heads, rows, also_left=(len(heads) - 1,))
 
 
-def verdict_word(one: Difference) -> str:
+def verdict_word(one: QuantityDifference) -> str:
     """The verdict on a quantity in a table."""
     if one.verdict == DIFFERS or (one.p <= ERROR and one.verdict != MATCHES):
         return DIFFERS
@@ -194,7 +194,7 @@ def shown_name(compared: Compared, quantity: str) -> str:
     if quantity.startswith(HEADWAY):
         x, y = compared.floor_plan.xy(compared.busiest[int(quantity.removeprefix(HEADWAY))])
         return f"headway at [{x}, {y}], s"
-    return quantity if quantity in (*SHARES, ORDERS_AN_HOUR) else f"{quantity}, s"
+    return quantity if quantity in (*SHARE_QUANTITIES, ORDERS_AN_HOUR) else f"{quantity}, s"
 
 
 def plain_name(compared: Compared, quantity: str) -> str:
@@ -206,7 +206,7 @@ def shown(quantity: str, value: float) -> str:
     """A value of a quantity."""
     if math.isnan(value):
         return "-"
-    return percent(value) if quantity in SHARES else f"{value:,.1f}"
+    return percent(value) if quantity in SHARE_QUANTITIES else f"{value:,.1f}"
 
 
 def day_table(compared: Compared) -> Table:
@@ -216,8 +216,8 @@ def day_table(compared: Compared) -> Table:
         first = ""
         if band.p <= ERROR and band.outside:
             first = band.outside[0]
-            is_hour = first.startswith(HOUR)
-            number = int(first.removeprefix(HOUR)) if is_hour else 0
+            is_hour = first.startswith(HOURLY)
+            number = int(first.removeprefix(HOURLY)) if is_hour else 0
             first = hour_name(day, number) if is_hour else shown_name(compared, first)
         numbers = [
             shown(ORDERS_AN_HOUR, one)
@@ -300,7 +300,7 @@ def agreement_record(name: str, compared: Compared, notes: Sequence[str]) -> dic
                 "name": day.name,
                 "p": band.p,
                 "outside": [
-                    hour_name(day, int(one.removeprefix(HOUR))) if one.startswith(HOUR) else one
+                    hour_name(day, int(one.removeprefix(HOURLY))) if one.startswith(HOURLY) else one
                     for one in band.outside
                 ],
                 "site": {

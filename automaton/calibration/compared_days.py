@@ -56,6 +56,7 @@ def compare_days(
             stretch_of,
             int(stretch_of.max()) + 1,
             busiest,
+            day.by_load,
             day.released,
         )
         seed = day.resolved.scenario.seed

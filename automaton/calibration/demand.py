@@ -32,7 +32,7 @@ Batch = int | dict[str, Any]  # as in `orders.arrivals.batch`
 
 MIN_WEEKS: Final = 4
 DAYS_OF_WEEK: Final = 7
-SECONDS: Final = Scale("1 s")
+SECOND_TICKS: Final = Scale("1 s")
 POISSON_ERROR: Final = 0.05
 POISSON_DISPERSION: Final = (0.8, 1.25)  # within it, arrivals may be called Poisson in any case
 MIN_HOUR_MEAN: Final = 1.0  # orders in an hour; rarer ones say nothing about dispersion
@@ -66,7 +66,7 @@ class Dispersion(NamedTuple):
         return self.p >= POISSON_ERROR or low <= self.value <= high
 
 
-class Demand(NamedTuple):
+class WeeklyDemand(NamedTuple):
     """The demand of a file of orders."""
 
     begin: datetime.datetime  # the hour of the first order
@@ -100,10 +100,10 @@ def read_releases(
     Raises InputError for a file without dates.
     """
     options = TableOptions(file=str(path), time=time)
-    table = read_columns(path, [ReleaseField()], options, columns, SECONDS, (), False)
+    table = read_columns(path, [ReleaseField()], options, columns, SECOND_TICKS, (), False)
     table.errors.raise_any()
     text = table.counts.tick_zero
-    earliest = read_time(text, time, SECONDS)
+    earliest = read_time(text, time, SECOND_TICKS)
     if not text or earliest.form == TICKS or earliest.value < 400 * 86_400 * MICRO:
         column = table.column_of["released"]
         example = "such as 2026-03-02 06:30"
@@ -126,7 +126,7 @@ def _offset_of(text: str, time: str | None) -> datetime.timedelta:
     return moment.utcoffset() or datetime.timedelta()
 
 
-def fit_demand(releases: Releases) -> Demand:
+def fit_demand(releases: Releases) -> WeeklyDemand:
     """Fit the rates of a week and the sizes of batches."""
     hour = datetime.timedelta(hours=1)
     begin = releases.first.replace(minute=0, second=0, microsecond=0)
@@ -143,7 +143,7 @@ def fit_demand(releases: Releases) -> Demand:
     batch = 1 if is_single else fitted_batch(sizes)
     drawn = np.array(batch_sizes(batch), float)
     mean_gap = float(gaps.mean()) if len(gaps) else 0.0
-    return Demand(
+    return WeeklyDemand(
         begin=begin,
         counts=counts,
         rates=totals / np.maximum(covered, 1),
@@ -157,7 +157,7 @@ def fit_demand(releases: Releases) -> Demand:
     )
 
 
-def check_weeks(demand: Demand, file: str) -> None:
+def check_weeks(demand: WeeklyDemand, file: str) -> None:
     """The file covers enough weeks for rates by hour of the week. Raises InputError."""
     if demand.days < MIN_WEEKS * DAYS_OF_WEEK:
         text = f"rates by hour of the week need at least {MIN_WEEKS} weeks"

@@ -13,8 +13,8 @@ import yaml
 from automaton.calibration.demand import (
     DAYS_OF_WEEK,
     SIZE_SHARES,
-    Demand,
     Dispersion,
+    WeeklyDemand,
     quantiles_of,
     size_quantiles,
 )
@@ -36,7 +36,7 @@ WEEKDAY_NAMES: Final = ("Mon", "Tue", "Wed", "Thu", "Fri", "Sat", "Sun")
 LINE_WIDTH: Final = 78
 
 
-def demand_document(demand: Demand, source: str, week: str) -> ReportDocument:
+def demand_document(demand: WeeklyDemand, source: str, week: str) -> ReportDocument:
     """The fitted demand of a file; `week`: the file of rates that is written."""
     document = ReportDocument(f"Demand of {source}")
     total = int(demand.counts.sum())
@@ -62,7 +62,7 @@ def demand_document(demand: Demand, source: str, week: str) -> ReportDocument:
     return document
 
 
-def poisson_verdict(demand: Demand) -> str:
+def poisson_verdict(demand: WeeklyDemand) -> str:
     """Whether Poisson arrivals at the rates of the week would do, and what the profile can represent."""
     is_poisson = demand.orders.is_poisson
     if is_poisson is None:
@@ -83,7 +83,7 @@ def poisson_verdict(demand: Demand) -> str:
     return verdict
 
 
-def poisson_evidence(demand: Demand) -> Iterator[str]:
+def poisson_evidence(demand: WeeklyDemand) -> Iterator[str]:
     """The numbers behind the verdict."""
     yield (
         f"orders in an hour of the week: variance / mean {_dispersion(demand.orders)}; "
@@ -104,7 +104,7 @@ def _dispersion(one: Dispersion) -> str:
     return f"{one.value:,.1f} ({p})"
 
 
-def day_table(demand: Demand) -> Table:
+def day_table(demand: WeeklyDemand) -> Table:
     """Orders of each weekday: fitted, and the days of the data that are complete."""
     totals = orders_of_days(demand)
     fitted = demand.rates.reshape(DAYS_OF_WEEK, HOURS_OF_DAY).sum(axis=1)
@@ -116,7 +116,7 @@ def day_table(demand: Demand) -> Table:
     return Table(["weekday", "fitted", "complete days", "data mean", "least", "most"], rows)
 
 
-def orders_of_days(demand: Demand) -> list[Any]:
+def orders_of_days(demand: WeeklyDemand) -> list[Any]:
     """The orders of each complete day, by weekday from Monday."""
     skipped = -demand.begin.hour % HOURS_OF_DAY
     complete = demand.counts[skipped:]
@@ -127,7 +127,7 @@ def orders_of_days(demand: Demand) -> list[Any]:
     return [totals[weekday == day] for day in range(DAYS_OF_WEEK)]
 
 
-def rate_table(demand: Demand) -> Table:
+def rate_table(demand: WeeklyDemand) -> Table:
     """The fitted rates: a row for each hour, a column for each weekday."""
     rates = demand.rates.reshape(DAYS_OF_WEEK, HOURS_OF_DAY).T.tolist()
     rows = [
@@ -138,7 +138,7 @@ def rate_table(demand: Demand) -> Table:
     return Table(["hour", *WEEKDAY_NAMES], rows)
 
 
-def rate_chart(demand: Demand) -> Panels:
+def rate_chart(demand: WeeklyDemand) -> Panels:
     """For each weekday the rates, with the least and the most orders of the data in each hour."""
     hours = (
         demand.begin.weekday() * HOURS_OF_DAY + demand.begin.hour + np.arange(len(demand.counts))
@@ -158,7 +158,7 @@ def rate_chart(demand: Demand) -> Panels:
     return Panels("Fitted rates, with the least and the most orders of the data", charts)
 
 
-def size_table(demand: Demand) -> Table:
+def size_table(demand: WeeklyDemand) -> Table:
     """Sizes of batches in the data, and as fitted."""
     fitted, data = quantiles_of(demand.batch), size_quantiles(demand.sizes)
     heads = ["", "mean", *(percent(share, 0) for share in SIZE_SHARES)]
@@ -172,7 +172,7 @@ def size_table(demand: Demand) -> Table:
     )
 
 
-def usage(demand: Demand, week: str) -> Sequence[Block]:
+def usage(demand: WeeklyDemand, week: str) -> Sequence[Block]:
     """How a scenario uses the rates and the sizes."""
     batch = yaml.safe_dump(demand.batch, default_flow_style=True, width=math.inf)
     text = f"batch: {batch.strip().removesuffix('...').strip()}"
@@ -183,7 +183,7 @@ def usage(demand: Demand, week: str) -> Sequence[Block]:
     ]
 
 
-def demand_record(demand: Demand, source: str, week: str) -> dict[str, Any]:
+def demand_record(demand: WeeklyDemand, source: str, week: str) -> dict[str, Any]:
     """The fitted demand as one object."""
 
     def numbers(one: Dispersion) -> dict[str, Any]:

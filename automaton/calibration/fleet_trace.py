@@ -34,7 +34,7 @@ ORDER_SHARE: Final = "time on orders"
 EMPTY_SHARE: Final = "empty share"
 PICK_TIME: Final = "time at pick-ups"
 DROP_TIME: Final = "time at drop-offs"
-HOUR: Final = "hour "  # prefixes of quantities that are there several times
+HOURLY: Final = "hour "  # prefixes of quantities that are there several times
 HEADWAY: Final = "headway "
 STRETCH: Final = "stretch "
 
@@ -64,6 +64,7 @@ class MeasurePlan(NamedTuple):
     stretch_of: Array  # (cells,) int32 the stretch of each cell, or NIL
     stretches: int
     busiest: tuple[int, ...]  # cells
+    by_load: bool  # the log names no orders: what a robot carries stands for its order
     # (m,) seconds after the start in which each order was released; (): lead times begin when a robot
     # takes the order.
     released: Array
@@ -98,7 +99,7 @@ class TraceSampler:
     """Takes the samples of a simulated run."""
 
     def __init__(self, plan: MeasurePlan, robots: int) -> None:
-        self.ticks = plan.ticks
+        self.ticks, self.by_load = plan.ticks, plan.by_load
         self.trace = empty_trace(plan.period, plan.samples, robots)
 
     def __call__(self, simulation: Simulation) -> None:
@@ -108,7 +109,7 @@ class TraceSampler:
             index = robots.at_index
             cell = np.where(robots.cell == NIL, robots.bay, robots.cell)
             self.trace.cell[row] = cell[index]
-            self.trace.order[row] = robots.order[index]
+            self.trace.order[row] = (robots.load if self.by_load else robots.order)[index]
             self.trace.load[row] = robots.load[index] != NIL
 
 
@@ -145,7 +146,7 @@ def measured(trace: FleetTrace, plan: MeasurePlan) -> dict[str, float]:
         PICK_TIME: standing_time(trace, dwell, ~trace.load[:-1] & trace.load[1:]),
         DROP_TIME: standing_time(trace, dwell, trace.load[:-1] & ~trace.load[1:]),
         EMPTY_SHARE: float((moved & ~trace.load[1:]).sum() / entries) if entries else np.nan,
-        **{f"{HOUR}{k}": float(many) for k, many in enumerate(hours[: trace.hours].tolist())},
+        **{f"{HOURLY}{k}": float(many) for k, many in enumerate(hours[: trace.hours].tolist())},
         **{
             f"{HEADWAY}{k}": headway(moved, trace.cell[1:], cell, trace.period)
             for k, cell in enumerate(plan.busiest)

@@ -30,28 +30,29 @@ from automaton.errors import InputError, alternatives, nearest
 Row = tuple[Any, ...]
 Stamp = datetime.datetime | float  # seconds, or milliseconds from MILLISECONDS_FROM on
 
-FIELDS: Final = (
+ROW_FIELDS: Final = (
     *("robot", "time", "x", "y", "theta", "load", "charge", "charging", "driving"),
     *("action", "action_id", "order", "down", "header"),
 )
 UNKNOWN: Final = -1
 NOT_NUMBERED: Final = -1  # header of a message without a number
 NAN: Final = math.nan
-EPOCH: Final = datetime.datetime(1970, 1, 1, tzinfo=datetime.UTC)
+UNIX_EPOCH: Final = datetime.datetime(1970, 1, 1, tzinfo=datetime.UTC)
 MILLISECOND: Final = datetime.timedelta(milliseconds=1)
 MILLISECONDS_FROM: Final = 1e11  # numbers from here on are milliseconds, smaller ones seconds
 MAX_LINE_BYTES: Final = 1 << 24
 MAX_STAMP: Final = 1e15  # milliseconds, some 30,000 years
 RUNNING: Final = frozenset(("RUNNING", "INITIALIZING", "PAUSED"))
 REQUIRED: Final = ("robot", "time", "x", "y")
-COLUMNS: Final = (*REQUIRED, "theta", "load", "charge", "state")
+CSV_COLUMNS: Final = (*REQUIRED, "theta", "load", "charge", "state")
 STATES: Final = {  # what a state in a CSV file says: driving, charging, down
-    **dict.fromkeys(("idle", "waiting", "stopped", "standing", "parked"), (0, 0, False)),
+    **dict.fromkeys(("idle", "stopped", "standing"), (0, 0, False)),
+    **dict.fromkeys(("waiting", "parked"), (0, 0, False)),
     **dict.fromkeys(("driving", "moving", "executing"), (1, 0, False)),
     "charging": (0, 1, False),
     **dict.fromkeys(("down", "error", "fault", "failed", "fatal", "depleted"), (0, 0, True)),
 }
-NO_STATE: Final = (UNKNOWN, UNKNOWN, False)
+STATE_UNKNOWN: Final = (UNKNOWN, UNKNOWN, False)
 NO_LOAD: Final = ("", "0", "-", "none", "no", "false")
 CSV_NUMBERS: Final = ("x", "y", "theta", "charge")
 SEPARATORS: Final = (";", "\t", ",")  # the first of these in the header wins
@@ -61,7 +62,7 @@ BARE: Final = msgspec.Raw()  # the payload of a message without an envelope
 BYTE_ORDER_MARK: Final = b"\xef\xbb\xbf"
 
 
-class Position(msgspec.Struct):
+class _Position(msgspec.Struct):
     """Where a robot is."""
 
     x: float
@@ -71,7 +72,7 @@ class Position(msgspec.Struct):
     localized: bool = True
 
 
-class Power(msgspec.Struct):
+class _Power(msgspec.Struct):
     """The battery of a robot."""
 
     batteryCharge: float | None = None
@@ -79,7 +80,7 @@ class Power(msgspec.Struct):
     charging: bool | None = None
 
 
-class Action(msgspec.Struct):
+class _Action(msgspec.Struct):
     """An action of a robot."""
 
     actionId: str = ""
@@ -87,20 +88,20 @@ class Action(msgspec.Struct):
     actionStatus: str = ""
 
 
-class Load(msgspec.Struct):
+class _Load(msgspec.Struct):
     """A load on a robot."""
 
     loadId: str | None = None
     loadType: str | None = None
 
 
-class Error(msgspec.Struct):
+class _Error(msgspec.Struct):
     """An error of a robot."""
 
     errorLevel: str = ""
 
 
-class Message(msgspec.Struct):
+class _Message(msgspec.Struct):
     """A state message, or the envelope of one."""
 
     headerId: Annotated[int, msgspec.Meta(ge=0, lt=1 << 62)] | None = None
@@ -108,21 +109,21 @@ class Message(msgspec.Struct):
     version: str = ""
     serialNumber: str | int | None = None
     orderId: str = ""
-    agvPosition: Position | None = None
-    mobileRobotPosition: Position | None = None
+    agvPosition: _Position | None = None
+    mobileRobotPosition: _Position | None = None
     driving: bool | None = None
-    actionStates: list[Action] = []
-    loads: list[Load] | None = None
-    batteryState: Power | None = None
-    powerSupply: Power | None = None
-    errors: list[Error] = []
+    actionStates: list[_Action] = []
+    loads: list[_Load] | None = None
+    batteryState: _Power | None = None
+    powerSupply: _Power | None = None
+    errors: list[_Error] = []
     topic: str | None = None
     payload: msgspec.Raw = BARE
     time: Stamp | None = None
     tst: datetime.datetime | None = None  # as mosquitto_sub writes it
 
 
-DECODER: Final = msgspec.json.Decoder(Message)
+DECODER: Final = msgspec.json.Decoder(_Message)
 TEXT: Final = msgspec.json.Decoder(str)
 
 
@@ -156,7 +157,7 @@ class LineReader:
         self.counts_actions = False  # a file does not number its actions
 
     def rows(self, path: Path) -> Iterator[Row]:
-        """Yield the messages of a file as values of FIELDS. Raises InputError."""
+        """Yield the messages of a file as values of ROW_FIELDS. Raises InputError."""
         self.first_reason = ""
         try:
             with path.open("rb") as raw, contextlib.ExitStack() as stack:
@@ -205,7 +206,7 @@ class LineReader:
                 self.versions[message.version] += 1
                 yield self._row(message, _milliseconds(sent))
 
-    def _row(self, message: Message, stamp: int) -> Row:
+    def _row(self, message: _Message, stamp: int) -> Row:
         names = self.names
         robot = names.robots[str(message.serialNumber)]
         place = message.agvPosition or message.mobileRobotPosition
@@ -267,13 +268,13 @@ class LineReader:
 
     def _places(self, head: Sequence[str], file: str) -> dict[str, int]:
         """The place of each field in the rows of a CSV file. Raises InputError."""
-        unknown = next((name for name in self.columns if name not in COLUMNS), None)
+        unknown = next((name for name in self.columns if name not in CSV_COLUMNS), None)
         if unknown is not None:
-            hint = nearest(unknown, COLUMNS)
+            hint = nearest(unknown, CSV_COLUMNS)
             raise InputError(
-                f"--columns {unknown}=... is not possible{hint}; use {alternatives(COLUMNS)}"
+                f"--columns {unknown}=... is not possible{hint}; use {alternatives(CSV_COLUMNS)}"
             )
-        columns = {name: self.columns.get(name, name) for name in COLUMNS}
+        columns = {name: self.columns.get(name, name) for name in CSV_COLUMNS}
         for name, column in columns.items():
             if column not in head and (name in REQUIRED or name in self.columns):
                 known = [one for one in head if one.isprintable()][:MAX_SHOWN]
@@ -287,7 +288,7 @@ class LineReader:
         names = self.names
         numbers = {name: _number(values.get(name, ""), is_comma_decimal) for name in CSV_NUMBERS}
         state = values.get("state", "").lower()
-        driving, charging, is_down = STATES.get(state, (0, 0, False) if state else NO_STATE)
+        driving, charging, is_down = STATES.get(state, (0, 0, False) if state else STATE_UNKNOWN)
         action = names.actions[state] if state and state not in STATES else 0
         load = values.get("load")
         if not values["robot"]:
@@ -307,7 +308,7 @@ def _lines(stream: Any) -> Iterator[bytes]:
         yield line
 
 
-def _unpacked(payload: msgspec.Raw) -> Message:
+def _unpacked(payload: msgspec.Raw) -> _Message:
     """The message in an envelope, as an object or as its text. Raises MsgspecError."""
     data = bytes(payload)
     return DECODER.decode(TEXT.decode(data) if data[:1] == b'"' else data)
@@ -317,7 +318,7 @@ def _milliseconds(stamp: Stamp) -> int:
     """Milliseconds since 1970. Raises ValueError for a number beyond all times."""
     if isinstance(stamp, datetime.datetime):
         zoned = stamp if stamp.tzinfo is not None else stamp.replace(tzinfo=datetime.UTC)
-        return (zoned - EPOCH) // MILLISECOND
+        return (zoned - UNIX_EPOCH) // MILLISECOND
     if not abs(stamp) < MAX_STAMP:
         raise ValueError("not a time")
     return round(stamp if stamp >= MILLISECONDS_FROM else 1000 * stamp)

@@ -33,7 +33,7 @@ MIN_CELLS: Final = 20  # that robots visit, if another unit fits
 SAME_FIT: Final = 1e-6  # difference of shares that counts as none
 FAR_M: Final = 1e9  # beyond every site
 QUARTER: Final = math.pi / 2
-NAMED: Final = {"mm": "millimetres", "cm": "centimetres", "ft": "feet", "in": "inches"}
+UNIT_NAMES: Final = {"mm": "millimetres", "cm": "centimetres", "ft": "feet", "in": "inches"}
 
 
 class Placed(NamedTuple):
@@ -146,7 +146,7 @@ def _drives_along(way: Array, heading: Array, place: tuple[Array, Array], usable
 # The fit that would put a refused log on the floor.
 
 
-class Fit(NamedTuple):
+class FloorFit(NamedTuple):
     """A change of positions that puts them on the floor."""
 
     share: float  # of the positions on the floor
@@ -159,7 +159,7 @@ class Fit(NamedTuple):
     def __str__(self) -> str:
         parts = []
         if self.unit != "m":
-            parts.append(f"they are {NAMED[self.unit]}")
+            parts.append(f"they are {UNIT_NAMES[self.unit]}")
         if self.is_mirrored:
             parts.append("their y grows downwards")
         if any(self.origin):
@@ -181,14 +181,14 @@ def _nearest_fit(samples: Samples, floor_plan: FloorPlan, metres: float) -> str:
     fits = [
         fit
         for is_mirrored in (False, True)
-        for unit in ("m", *NAMED)
+        for unit in ("m", *UNIT_NAMES)
         for rotation in (0, 90, 180, 270)
         for fit in _shifts(
             samples.x[some],
             samples.y[some],
             floor_plan,
             metres,
-            Fit(0, unit, rotation, is_mirrored, (0, 0)),
+            FloorFit(0, unit, rotation, is_mirrored, (0, 0)),
         )
         if fit.share >= 1 - MAX_OFF_FLOOR and (fit.unit == "m" or fit.cells >= least)
     ]
@@ -200,11 +200,13 @@ def _nearest_fit(samples: Samples, floor_plan: FloorPlan, metres: float) -> str:
     return str(min(good, key=_complexity))
 
 
-def _complexity(fit: Fit) -> tuple[bool, bool, bool, int]:
+def _complexity(fit: FloorFit) -> tuple[bool, bool, bool, int]:
     return fit.is_mirrored, fit.unit != "m", any(fit.origin), fit.rotation
 
 
-def _shifts(x: Array, y: Array, floor_plan: FloorPlan, metres: float, turned: Fit) -> Iterator[Fit]:
+def _shifts(
+    x: Array, y: Array, floor_plan: FloorPlan, metres: float, turned: FloorFit
+) -> Iterator[FloorFit]:
     """Yield the fit without an origin, and the best one with an origin, of a unit and a rotation."""
     size = float(LENGTH_UNITS[turned.unit])
     angle = math.radians(turned.rotation)

@@ -8,8 +8,6 @@ from __future__ import annotations
 
 import datetime
 import re
-from collections import Counter, deque
-from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final, NamedTuple
@@ -19,8 +17,8 @@ import numpy as np
 
 from automaton.calibration.log_on_floor import placed
 from automaton.calibration.robot_timelines import (
-    Fleet,
-    Timeline,
+    ObservedFleet,
+    RobotTimeline,
     Ways,
     absent_robot,
     rows_of_robots,
@@ -29,29 +27,22 @@ from automaton.calibration.robot_timelines import (
 from automaton.calibration.state_log import StateLog
 from automaton.engine.state import NIL, Array
 from automaton.errors import InputError
-from automaton.history.playback import Playback
-from automaton.recording.contents import FRAME_TICKS
-from automaton.recording.frames import Recording
+from automaton.recording.contents import LAST_TICK
 from automaton.recording.recorder import ObservedRecorder
 from automaton.runs.headless import Outcome, outcome_of
-from automaton.runs.periods import PeriodMarks
-from automaton.runs.simulation import Simulation
 from automaton.scenario.order_lines import plain_data
-from automaton.scenario.quantities import LAST_TICK, Scale
-from automaton.scenario.schema import LAYER_NAMES, Scenario
+from automaton.scenario.schema import LAYER_NAMES, Scenario, Units
 from automaton.units import count
 from automaton.world.resolve import Resolved, choose_strategies
 
-MAX_TICKS: Final = 20_000_000
-MAX_ACTIONS: Final = 1_000_000_000  # ticks of all robots
+MAX_OBSERVED_TICKS: Final = 20_000_000
+MAX_ROBOT_TICKS: Final = 1_000_000_000  # ticks of all robots
 MAX_ORDERS: Final = 200_000
 # Checked by name, never asked.
 STRATEGIES: Final = {"allocation": "independent", "routing": "shortest", "right_of_way": "wait"}
 DAY_MS: Final = 86_400_000
-EPOCH: Final = datetime.datetime(1970, 1, 1)
-TWO_ROBOTS: Final = "two robots in a cell for one"
-SWAP: Final = "two robots that swapped their cells"
-LEFT_OUT: Final = (  # of the scenario: what was not observed
+FIRST_DAY: Final = datetime.datetime(1970, 1, 1)
+NOT_OBSERVED: Final = (  # of the scenario: what was not observed
     *("pods", "faults", "streets", "floor", "areas", "world", "measure", "stations"),
     *("refine", "decide", "information"),
 )
@@ -60,7 +51,7 @@ LEFT_OUT: Final = (  # of the scenario: what was not observed
 class ObservedRun(NamedTuple):
     """An observed run that was written."""
 
-    simulation: Simulation  # at its last tick
+    simulation: Any  # automaton.runs.simulation.Simulation, at its last tick
     robots: int  # that sent messages
     jumps: int  # messages that find a robot elsewhere than the last one leads
     off_floor: int  # messages
@@ -68,21 +59,18 @@ class ObservedRun(NamedTuple):
 
     def outcome(self) -> Outcome:
         """The metrics of the run, as those of a simulated one."""
-        simulation = self.simulation
-        return outcome_of(
-            simulation, np.zeros(len(simulation.world.robots.cell), np.int64), PeriodMarks()
-        )
+        return outcome_of(self.simulation)
 
 
 def write_observed_run(log: StateLog, resolved: Resolved, path: Path) -> ObservedRun:
     """Write a log as a recording. Raises InputError."""
     resolved = resolved.unrefined
     place = placed(log, resolved.floor_plan, resolved.scenario.units)
-    begin, tick_ms = _time_of_tick_0(log, resolved.scenario.units.scale)
+    begin, tick_ms = _time_of_tick_0(log, resolved.scenario.units)
     tick = np.rint((log.samples.time - begin) / tick_ms).astype(np.int64)
     robots, ticks = resolved.scenario.fleet.robots, int(tick.max())
     numbers = _numbers_of_robots(log, robots)
-    if ticks > MAX_TICKS or ticks * robots > MAX_ACTIONS:
+    if ticks > MAX_OBSERVED_TICKS or ticks * robots > MAX_ROBOT_TICKS:
         days = (int(log.samples.time.max()) - begin) / DAY_MS
         raise InputError(
             f"the messages span {days:,.1f} days, more than an observed run holds; leave out those with "
@@ -91,7 +79,7 @@ def write_observed_run(log: StateLog, resolved: Resolved, path: Path) -> Observe
     demand = _demand_of(log, tick)
     resolved = _observed(resolved, demand, log, begin)
     durations = resolved.scenario.durations
-    fleet = Fleet(
+    fleet = ObservedFleet(
         *(log, place, tick, demand.order, demand.load, Ways(resolved.floor_plan)),
         *(durations.turns[0], durations.moves, max(ticks, 1)),
     )
@@ -110,12 +98,12 @@ def write_observed_run(log: StateLog, resolved: Resolved, path: Path) -> Observe
     return ObservedRun(file.shown, len(log.robots), jumps, place.off_floor, demand.left_out)
 
 
-def _time_of_tick_0(log: StateLog, scale: Scale) -> tuple[int, float]:
+def _time_of_tick_0(log: StateLog, units: Units) -> tuple[int, float]:
     """The stamp of tick 0, and milliseconds in a tick: that of units.clock on the day of the log."""
-    first, tick_ms = int(log.samples.time.min()), float(1000 * scale.tick_seconds)
-    clock, begin = scale.clock, 0
+    first, tick_ms = int(log.samples.time.min()), float(1000 * units.scale.tick_seconds)
+    clock, begin = units.scale.clock, 0
     if clock is not None:
-        days = 0 if clock.day is None else clock.day - EPOCH.toordinal()
+        days = 0 if clock.day is None else clock.day - FIRST_DAY.toordinal()
         begin = round(1000 * (clock.seconds - (clock.offset or 0))) + days * DAY_MS
     if 0 <= first - begin < DAY_MS:
         return begin, tick_ms
@@ -149,7 +137,7 @@ def names_of(log: StateLog, numbers: list[int], robots: int) -> tuple[str, ...]:
     return tuple(names.get(number, "")[:100] for number in range(robots))
 
 
-class Demand(NamedTuple):
+class ObservedDemand(NamedTuple):
     """The orders of a log, and its loads without orders, as orders of a run."""
 
     release: Array  # (m,) tick in which each is first named
@@ -164,7 +152,7 @@ def _gap_of(log: StateLog, tick: Array) -> int:
     return max(1, int(np.median(gaps))) if len(gaps) else 1
 
 
-def _demand_of(log: StateLog, tick: Array) -> Demand:
+def _demand_of(log: StateLog, tick: Array) -> ObservedDemand:
     """The orders of a run; a load that is carried for an order is the load of this order."""
     samples = log.samples
     order = samples.order.astype(np.int64) - 1
@@ -184,8 +172,8 @@ def _demand_of(log: StateLog, tick: Array) -> Demand:
     used = used[np.argsort(first_ticks[used], kind="stable")]
     number = np.full(len(first_ticks) + 1, NIL, np.int64)  # the last entry is that of NIL
     number[used[:MAX_ORDERS]] = np.arange(len(used[:MAX_ORDERS]))
-    kept = used[:MAX_ORDERS]
-    return Demand(first_ticks[kept], number[order], number[load], len(used) - len(kept))
+    held = used[:MAX_ORDERS]
+    return ObservedDemand(first_ticks[held], number[order], number[load], len(used) - len(held))
 
 
 def _known_before(values: Array, robot: Array) -> Array:
@@ -198,13 +186,15 @@ def _known_before(values: Array, robot: Array) -> Array:
     return known
 
 
-def _observed(resolved: Resolved, demand: Demand, log: StateLog, begin: int) -> Resolved:
+def _observed(resolved: Resolved, demand: ObservedDemand, log: StateLog, begin: int) -> Resolved:
     """The scenario of an observed run."""
     data = {
-        key: value for key, value in plain_data(resolved.scenario).items() if key not in LEFT_OUT
+        key: value
+        for key, value in plain_data(resolved.scenario).items()
+        if key not in NOT_OBSERVED
     }
     x, y = resolved.floor_plan.xy(int(np.flatnonzero(resolved.floor_plan.drivable)[0]))
-    clock = EPOCH + datetime.timedelta(milliseconds=begin)
+    clock = FIRST_DAY + datetime.timedelta(milliseconds=begin)
     data["name"] = f"{resolved.scenario.name} (observed)"
     data["units"] = {**data["units"], "clock": clock.isoformat(" ", "seconds")}
     releases = demand.release.tolist() or [LAST_TICK]  # a list holds an order at least
@@ -222,7 +212,7 @@ def _observed(resolved: Resolved, demand: Demand, log: StateLog, begin: int) -> 
     )
 
 
-def _timelines(fleet: Fleet, numbers: list[int], robots: int) -> list[Timeline]:
+def _timelines(fleet: ObservedFleet, numbers: list[int], robots: int) -> list[RobotTimeline]:
     """The timeline of each robot of the run."""
     lines = [absent_robot(fleet.ticks)] * robots
     for number, rows in zip(numbers, rows_of_robots(fleet.log), strict=True):
@@ -236,81 +226,3 @@ def _sorted_changes(changes: list[Array]) -> Array:
     tick, code, value = np.concatenate(changes).T
     order = np.lexsort((code, tick))
     return np.stack((tick, code, robots, value), axis=1)[order]
-
-
-# What real robots did that the rules of motion forbid.
-
-
-class Breach(NamedTuple):
-    """Something that a model of one robot in a cell rules out, and where it was seen first."""
-
-    what: str
-    times: int
-    tick: int
-    robots: tuple[int, int]
-    cell: tuple[int, int]  # x, y
-
-    def __str__(self) -> str:
-        one, other = self.robots
-        where = f"first in tick {self.tick:,}: robots {one} and {other} at {self.cell}"
-        return f"{self.what}: {count(self.times, 'time')}, {where}"
-
-
-def breaches_of(
-    recording: Recording, show: Callable[[str, int], None] = lambda what, tick: None
-) -> list[Breach]:
-    """What the robots of an observed run did against the rules of motion; `show`: the progress.
-
-    Between two messages positions are interpolated. So two robots count that are in one cell for longer
-    than it takes from one message to the next, once however long; and swaps within this time.
-    """
-    playback = Playback(recording.header, recording.stored())
-    floor_plan = playback.simulation.resolved.floor_plan
-    capacity, gap = floor_plan.capacity.ravel(), recording.header["observed"]["gap"]
-    first: dict[str, Breach] = {}
-    times: Counter[str] = Counter()
-    past = deque([_cells(playback)], maxlen=gap)
-    lasts: dict[tuple[int, int], int] = {}  # ticks that two robots have been together
-    swapped: set[tuple[int, int]] = set()
-    for tick in range(1, recording.ticks + 1):
-        playback.go_to(tick)
-        now = _cells(playback)
-        lasts = {pair: lasts.get(pair, 0) + 1 for pair in _robots_together(now, capacity)}
-        swaps = set(_swaps(past[0], now))
-        new = [(TWO_ROBOTS, *pair) for pair, ticks in sorted(lasts.items()) if ticks == gap + 1]
-        new += [(SWAP, *pair) for pair in sorted(swaps - swapped)]
-        for what, one, other in new:
-            times[what] += 1
-            if what not in first:
-                first[what] = Breach(what, 0, tick, (one, other), floor_plan.xy(int(now[one])))
-        swapped = swaps
-        past.append(now)
-        if tick % FRAME_TICKS == 0:
-            show("rules", tick)
-    return [breach._replace(times=times[what]) for what, breach in first.items()]
-
-
-def _cells(playback: Playback) -> Array:
-    """(n,) the cell of each robot, by identity."""
-    robots = playback.simulation.world.robots
-    cells: Array = robots.cell[robots.at_index].astype(np.int64)
-    return cells
-
-
-def _robots_together(cell: Array, capacity: Array) -> Iterator[tuple[int, int]]:
-    """Yield pairs of neighbours in the list of the robots of each cell with too many robots."""
-    order = np.argsort(cell, kind="stable")
-    same = np.diff(cell[order]) == 0
-    same &= (cell[order][1:] != NIL) & (capacity[cell[order][1:]] == 1)
-    for at in np.flatnonzero(same).tolist():
-        yield int(order[at]), int(order[at + 1])
-
-
-def _swaps(before: Array, now: Array) -> Iterator[tuple[int, int]]:
-    """Yield the pairs of robots that have changed places."""
-    moved = np.flatnonzero((before != now) & (before != NIL) & (now != NIL)).tolist()
-    came = {(int(before[robot]), int(now[robot])): robot for robot in moved}
-    for robot in moved:
-        other = came.get((int(now[robot]), int(before[robot])))
-        if other is not None and robot < other:
-            yield robot, other

@@ -53,12 +53,12 @@ from automaton.engine.state import (
 from automaton.floor.floor_plan import FloorPlan
 
 MAX_WAY: Final = 64  # cells between two messages
-MAX_SPEED: Final = 3  # times the speed in the scenario; a longer way was another one
+MAX_SPEED_FACTOR: Final = 3  # times the speed in the scenario; a longer way was another one
 MAX_KNOWN_WAYS: Final = 100_000  # ways that stay in memory
 
 
 class Ways:
-    """The only shortest way between two cells, or None if there are several or none."""
+    """The only shortest way between two cells, or None if there are several or no way."""
 
     def __init__(self, floor_plan: FloorPlan) -> None:
         exits = floor_plan.exits.ravel().tolist()
@@ -122,7 +122,7 @@ class Ways:
         return 1 if rows > 0 else 3
 
 
-class Fleet(NamedTuple):
+class ObservedFleet(NamedTuple):
     """What the timelines of all robots need."""
 
     log: StateLog
@@ -136,7 +136,7 @@ class Fleet(NamedTuple):
     ticks: int  # of the run
 
 
-class Timeline(NamedTuple):
+class RobotTimeline(NamedTuple):
     """What a robot did."""
 
     executed: Array  # (ticks + 1,) action that begins in each tick
@@ -144,7 +144,7 @@ class Timeline(NamedTuple):
     jumps: int  # messages that find it elsewhere
 
 
-def timeline_of(fleet: Fleet, rows: slice) -> Timeline:
+def timeline_of(fleet: ObservedFleet, rows: slice) -> RobotTimeline:
     """The timeline of the robot with these messages, of which there is one at least."""
     line = _Line(fleet, rows)
     line.enter_states()
@@ -155,19 +155,19 @@ def timeline_of(fleet: Fleet, rows: slice) -> Timeline:
     line.enter_goals()
     line.enter_waits()
     changes = np.array(line.changes, np.int64).reshape(-1, 3)
-    return Timeline(line.executed, changes, line.jumps)
+    return RobotTimeline(line.executed, changes, line.jumps)
 
 
-def absent_robot(ticks: int) -> Timeline:
+def absent_robot(ticks: int) -> RobotTimeline:
     """The timeline of a robot that sends no message."""
     changes = np.array([(0, CHANGE_STATUS, STATUS_REMOVED), (0, CHANGE_SEEN_CELL, NIL)], np.int64)
-    return Timeline(np.zeros(ticks + 1, np.uint16), changes, 0)
+    return RobotTimeline(np.zeros(ticks + 1, np.uint16), changes, 0)
 
 
 class _Line:
     """The timeline of a robot in the making; arrays are (m,), of its messages."""
 
-    def __init__(self, fleet: Fleet, rows: slice) -> None:
+    def __init__(self, fleet: ObservedFleet, rows: slice) -> None:
         samples, place = fleet.log.samples, fleet.place
         ticks = fleet.tick[rows]
         last = np.append(np.flatnonzero(np.diff(ticks)), len(ticks) - 1)  # of each tick
@@ -244,7 +244,7 @@ class _Line:
                 continue
             nodes = None
             if before is not None and is_joined:
-                most = 1 + MAX_SPEED * (tick - before[3]) / min(self.fleet.move_ticks)
+                most = 1 + MAX_SPEED_FACTOR * (tick - before[3]) / min(self.fleet.move_ticks)
                 nodes = self._nodes(before[0], before[1], cell, to_cell, most)
             if nodes is None:
                 if here != cell:
@@ -328,7 +328,7 @@ class _Line:
     def _handle(self, tick: int, first: int, last: int, load: int) -> int:
         """Enter the pick or the drop of a load that a message shows; return the tick in which the load
         changes. `first`, `last`: ticks of the last operation before the message."""
-        if last < tick - 1:  # it was none of this load
+        if last < tick - 1:  # it was not about this load
             first = last = tick
         if load == NIL and last == tick - 1:  # the load was on the robot until the end
             self.begin(EXECUTED_DROP, first, last)

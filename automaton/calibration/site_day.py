@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import datetime
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
@@ -22,7 +22,7 @@ from automaton.calibration.state_log import StateLog, read_log
 from automaton.errors import InputError
 from automaton.floor.floor_plan import CELL_KINDS, NIL, FloorPlan
 from automaton.floor.reachability import slot_access
-from automaton.scenario.document import Override
+from automaton.scenario.document import Document, Override, override, parse
 from automaton.scenario.quantities import SECONDS_OF_DAY
 from automaton.scenario.table_fields import NOTHING, TableOptions, TextField
 from automaton.scenario.table_reader import NO_TIMES, read_columns
@@ -39,7 +39,7 @@ OPTIONS: Final = ("file", "sheet", "where", "encoding")  # that decide which row
 EPOCH: Final = datetime.datetime(1970, 1, 1)
 
 
-class Site(NamedTuple):
+class ComparedSite(NamedTuple):
     """A scenario, and how logs and files of orders are read."""
 
     scenario: str
@@ -59,9 +59,8 @@ class SiteDay(NamedTuple):
     ticks: int  # of a sample, in the ticks of the runs
     trace: FleetTrace
     resolved: Resolved  # the scenario with the orders of the day
-    released: (
-        Array  # (m,) seconds after the start, by order; (): lead times begin when orders are taken
-    )
+    by_load: bool  # the log names no orders: what a robot carries stands for its order
+    released: Array  # (m,) seconds from the start to the release of each order, or (): not known
     notes: tuple[str, ...]
 
 
@@ -74,7 +73,7 @@ class DayOrders(NamedTuple):
     notes: tuple[str, ...]
 
 
-def read_day(site: Site, path: Path, orders: Path | None) -> SiteDay:
+def read_day(site: ComparedSite, path: Path, orders: Path | None) -> SiteDay:
     """Read the log of a day, and its orders. Raises InputError."""
     log = read_log([path], site.log_columns)
     scenario, floor_plan = site.base.unrefined.scenario, site.base.floor_plan
@@ -82,6 +81,8 @@ def read_day(site: Site, path: Path, orders: Path | None) -> SiteDay:
         place = placed(log, floor_plan, scenario.units)
     except InputError as error:
         raise error.at(str(path)) from None
+    by_load = not log.orders
+    log = log_of_carries(log, str(path)) if by_load else log
     time, tick = log.samples.time, float(scenario.units.scale.tick_seconds)
     begin, end = int(time.min()), int(time.max())
     gaps = np.diff(time)[log.usable[:-1]]
@@ -111,10 +112,25 @@ def read_day(site: Site, path: Path, orders: Path | None) -> SiteDay:
             f"{path.name}: {count(robots, 'robot')} in the log, {simulated:,} in the scenario"
         )
     fine = ticks * resolved.scenario.refine
-    return SiteDay(path.stem, begin, fine, trace, resolved, day.released, tuple(notes))
+    return SiteDay(path.stem, begin, fine, trace, resolved, by_load, day.released, tuple(notes))
 
 
-def clock_setting(site: Site, begin: int, before: float = 0) -> Override:
+def log_of_carries(log: StateLog, file: str) -> StateLog:
+    """A log without orders in which each time that a robot carries a load is an order.
+
+    Raises InputError for a log without loads.
+    """
+    samples = log.samples
+    begins = (np.diff(samples.load, prepend=0) != 0) | (np.diff(samples.robot, prepend=-1) != 0)
+    number = np.cumsum(begins & (samples.load > 0))
+    if not number[-1]:
+        raise InputError("has neither orders nor loads, so nothing can be compared", file)
+    order = np.where(samples.load > 0, number, 0).astype(np.int32)
+    names = tuple(map(str, range(1, int(number[-1]) + 1)))
+    return log._replace(samples=samples._replace(order=order), orders=names)
+
+
+def clock_setting(site: ComparedSite, begin: int, before: float = 0) -> Override:
     """The clock of a scenario at the start of a log, or some seconds before."""
     clock = site.base.unrefined.scenario.units.scale.clock
     offset = 0 if clock is None or clock.offset is None else clock.offset
@@ -129,20 +145,21 @@ def clock_setting(site: Site, begin: int, before: float = 0) -> Override:
 # Orders from a file.
 
 
-def orders_of_file(site: Site, log: StateLog, path: Path, begin: int, ticks: int) -> DayOrders:
+def orders_of_file(
+    site: ComparedSite, log: StateLog, path: Path, begin: int, ticks: int
+) -> DayOrders:
     """The orders of a file that are released during a log, or that a robot of the log does.
 
     Raises InputError.
     """
-    scenario = site.base.unrefined.scenario
+    scenario, written = site.base.unrefined.scenario, written_orders(site)
     file: dict[str, Any] = {"file": str(path.resolve())}
     file |= {"time": site.order_time} if site.order_time else {}
+    file |= {"columns": dict(site.order_columns)} if site.order_columns else {}
     if scenario.orders.lines is not None:
-        lines = {**plain_options(scenario.orders.lines), **file}
-        return DayOrders({"lines": lines}, same_numbers(log), np.zeros(0), ())
-    transports = {**plain_options(scenario.orders.transports), **file}
-    if site.order_columns is not None:
-        transports["columns"] = dict(site.order_columns)
+        section = {"lines": {**options_in(written, "lines"), **file}}
+        return DayOrders(section, same_numbers(log), np.zeros(0), ())
+    transports = {**options_in(written, "transports"), **file}
     settings = (
         *site.settings,
         clock_setting(site, begin, SECONDS_OF_DAY),
@@ -181,11 +198,17 @@ def orders_of_file(site: Site, log: StateLog, path: Path, begin: int, ticks: int
     return DayOrders({"list": entries}, number_of, release * float(tick), tuple(notes))
 
 
-def plain_options(section: Any) -> dict[str, Any]:
-    """The keys of a section of orders that say how its file is read."""
-    if section is None or getattr(section, "file", None) is None:
-        return {}
-    return {key: value for key, value in msgspec.to_builtins(section).items() if value is not None}
+def written_orders(site: ComparedSite) -> Mapping[str, Any]:
+    """The section `orders` as the scenario has it, before its files were read."""
+    data, _ = parse(site.base.source, None)
+    orders: Mapping[str, Any] = override(Document(data), site.settings).data.get("orders") or {}
+    return orders
+
+
+def options_in(orders: Mapping[str, Any], key: str) -> Mapping[str, Any]:
+    """How the file in a section of orders is read; {} if the section names no file."""
+    section = orders.get(key)
+    return section if isinstance(section, dict) and "file" in section else {}
 
 
 def same_numbers(log: StateLog) -> Array:
@@ -219,10 +242,17 @@ def recovered_orders(
 ) -> DayOrders:
     """The orders that a log shows from their beginning to their end. Raises InputError for too few."""
     gives, takes = slots_at(floor_plan)
+    orders = list(ends_of_orders(log))
+    is_late = [
+        is_after(place, [ends.pick for _, ends in orders], gives),
+        is_after(place, [ends.drop for _, ends in orders], takes),
+    ]
     complete = {}
-    for code, ends in ends_of_orders(log, place):
-        source = next((gives[cell] for cell in ends.picks if cell in gives), NIL)
-        slots = (takes[cell] for cell in ends.drops if cell in takes)
+    for code, ends in orders:
+        picks = cells_at(log, place, ends.pick, is_late[0])
+        source = next((gives[cell] for cell in picks if cell in gives), NIL)
+        drops = cells_at(log, place, ends.drop, is_late[1], int(log.samples.action[ends.pick + 1]))
+        slots = (takes[cell] for cell in drops if cell in takes)
         target = next((slot for slot in slots if slot != source), NIL)
         if NIL not in (source, target):
             complete[code] = ends, list(floor_plan.xy(source)), list(floor_plan.xy(target))
@@ -250,15 +280,15 @@ def recovered_orders(
 
 
 class OrderEnds(NamedTuple):
-    """When an order was taken and done, and cells where its load may have appeared and disappeared."""
+    """When an order was taken and done, and the last messages before its load appears and disappears."""
 
     taken: int  # milliseconds since 1970
     done: int
-    picks: tuple[int, ...]
-    drops: tuple[int, ...]
+    pick: int
+    drop: int
 
 
-def ends_of_orders(log: StateLog, place: Placed) -> Iterator[tuple[int, OrderEnds]]:
+def ends_of_orders(log: StateLog) -> Iterator[tuple[int, OrderEnds]]:
     """Yield the number and the ends of each order whose load appears and disappears in the log."""
     samples = log.samples
     rows = np.flatnonzero(samples.order)
@@ -268,39 +298,33 @@ def ends_of_orders(log: StateLog, place: Placed) -> Iterator[tuple[int, OrderEnd
         loaded = own[samples.load[own] > 0]
         if not len(loaded):
             continue
-        first_loaded, last = int(loaded[0]), int(loaded[-1])
-        before, after = max(first_loaded - 1, 0), min(last + 1, len(samples.time) - 1)
-        if not is_pair(log, before, first_loaded) or not is_pair(log, last, after):
-            continue  # it carries the load when the log begins or ends
-        yield (
-            code - 1,
-            OrderEnds(
-                int(samples.time[own[0]]),
-                int(samples.time[after]),
-                cells_at(log, place, before, first_loaded),
-                cells_at(log, place, last, after, int(samples.action[first_loaded])),
-            ),
-        )
+        pick, drop = int(loaded[0]) - 1, int(loaded[-1])
+        if pick >= 0 and drop + 1 < len(samples.time):
+            robot = samples.robot[[pick, pick + 1, drop, drop + 1]]
+            if (
+                robot[0] == robot[1] and robot[2] == robot[3]
+            ):  # else it crosses the start or the end
+                times = int(samples.time[own[0]]), int(samples.time[drop + 1])
+                yield code - 1, OrderEnds(*times, pick, drop)
 
 
-def is_pair(log: StateLog, before: int, after: int) -> bool:
-    """Whether two messages follow each other in the log of one robot."""
-    return after == before + 1 and bool(log.samples.robot[before] == log.samples.robot[after])
+def is_after(place: Placed, rows: Sequence[int], slots: Mapping[int, int]) -> bool:
+    """Whether loads change at the begin of picks or drops, so that robots are still there afterwards."""
+    before = sum(int(place.cell[row]) in slots for row in rows)
+    return sum(int(place.cell[row + 1]) in slots for row in rows) > before
 
 
 def cells_at(
-    log: StateLog, place: Placed, before: int, after: int, other: int = 0
+    log: StateLog, place: Placed, row: int, is_late: bool, other: int = 0
 ) -> tuple[int, ...]:
-    """The cells where a load may have changed between two messages, the likeliest first.
+    """The cells where a load may have changed between a message and the next, the likeliest first.
 
-    These are the cells of a running action, then those where the robot stands, then those on its way.
-    `other`: an action that is not the one sought.
+    These are the cells of a running action, then those of the messages, the second one first if it
+    `is_late`, then the one on the way. `other`: an action that is not the one sought.
     """
-    rows = (before, after)
-    acting = [place.cell[row] for row in rows if log.samples.action[row] not in (0, other)]
-    standing = [place.cell[row] for row in rows if place.to_cell[row] == NIL]
-    on_way = (place.to_cell[before], place.cell[after], place.cell[before])
-    return tuple(map(int, (*acting, *standing, *on_way)))
+    rows = (row + 1, row) if is_late else (row, row + 1)
+    acting = [place.cell[one] for one in rows if log.samples.action[one] not in (0, other)]
+    return tuple(map(int, (*acting, *place.cell[list(rows)], place.to_cell[row])))
 
 
 def slots_at(floor_plan: FloorPlan) -> tuple[dict[int, int], dict[int, int]]:

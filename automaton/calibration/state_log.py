@@ -13,15 +13,15 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 
-from automaton.calibration.log_lines import FIELDS, NOT_NUMBERED, LineReader, LogNames
+from automaton.calibration.log_lines import NOT_NUMBERED, ROW_FIELDS, LineReader, LogNames
 from automaton.errors import InputError
 from automaton.units import count
 
 Array = np.ndarray[Any, Any]
 
 MAX_GAP_MS: Final = 30_000  # VDA 5050 asks for a message every 30 s; longer pauses are gaps
-CLOCK_STEP_MS: Final = 1000  # smaller steps back are messages out of order
-ROWS_AT_A_TIME: Final = 8192  # rows held as Python objects
+CLOCK_STEP_MS: Final = 1000  # smaller steps back are unordered messages
+MESSAGES_AT_A_TIME: Final = 8192  # rows held as Python objects
 
 
 class Samples(NamedTuple):
@@ -105,16 +105,16 @@ def read_log(paths: Iterable[Path], columns: Mapping[str, str] | None = None) ->
     """
     names = LogNames()
     reader = LineReader(names, columns or {})
-    parts: dict[str, list[Array]] = {name: [] for name in FIELDS}
+    parts: dict[str, list[Array]] = {name: [] for name in ROW_FIELDS}
     for path in paths:
         before = reader.messages
         rows = reader.rows(path)
-        while block := list(itertools.islice(rows, ROWS_AT_A_TIME)):
-            for name, values in zip(FIELDS, zip(*block, strict=True), strict=True):
+        while block := list(itertools.islice(rows, MESSAGES_AT_A_TIME)):
+            for name, values in zip(ROW_FIELDS, zip(*block, strict=True), strict=True):
                 parts[name].append(np.array(values, TYPES[name]))
         if reader.messages == before:
             raise InputError(f"has no state message{reader.first_reason}", str(path))
-    arrays = {name: np.concatenate(parts.pop(name)) for name in FIELDS}
+    arrays = {name: np.concatenate(parts.pop(name)) for name in ROW_FIELDS}
     return _ordered(arrays, names, reader)
 
 
@@ -123,7 +123,7 @@ def _ordered(arrays: dict[str, Array], names: LogNames, reader: LineReader) -> S
     arrays, doubled = _without_repetitions(arrays)
     unordered, steps, missing = _arrivals(arrays)
     order = np.lexsort((arrays["header"], arrays["time"], arrays["robot"]))
-    for name in FIELDS:
+    for name in ROW_FIELDS:
         arrays[name] = arrays[name][order]
     del arrays["header"]
     samples = Samples(**arrays)

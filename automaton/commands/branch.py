@@ -22,7 +22,7 @@ from automaton.commands.arguments import (
 )
 from automaton.commands.explain import check_tick, shown_at
 from automaton.errors import InputError
-from automaton.recording.frames import Recording, check_simulated
+from automaton.recording.frames import Recording
 from automaton.recording.recording_reader import read_recording
 from automaton.scenario.refinement import refined_data
 from automaton.scenario.schema import Units
@@ -71,7 +71,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Branch off, run, and report on both."""
     recording = read_recording(args.file)
-    check_simulated(recording.header, "a branch", args.file)
+    recording.check_simulated("a branch", args.file)
     check_tick(args.file, args.at, recording.ticks)
     if args.until is not None and args.until <= args.at:
         raise InputError(f"--until {args.until} is not after --at {args.at}")

@@ -1,6 +1,6 @@
 """Compare a fitted scenario with days of the site that it was not fitted to.
 
-Exit code 0: the model matches the site; 1: it differs, or this cannot be said; 2: bad input; 130:
+Exit code 0: the model matches the site, or this cannot be said; 1: it differs; 2: bad input; 130:
 stopped by Ctrl-C; 143: by SIGTERM.
 """
 
@@ -67,17 +67,19 @@ def run(args: argparse.Namespace) -> int:
         raise InputError(
             f"--orders is there {len(orders):,} times, but there are {logs}; use 1 or as many"
         )
-    from automaton.calibration.agreement import MATCHES
+    from automaton.calibration.agreement import DIFFERS
     from automaton.calibration.agreement_report import agreement_document, agreement_record
     from automaton.calibration.compared_days import compare_days
-    from automaton.calibration.site_day import Site, read_day
+    from automaton.calibration.site_day import ComparedSite, read_day
     from automaton.world.resolve import resolve
 
     base = resolve(args.scenario, args.settings, args.seed)
     print_warnings(base)
     named = order_columns(args, TransportColumns.__struct_encode_fields__)
     settings = tuple(args.settings)
-    site = Site(args.scenario, settings, args.seed, base, args.columns, named, args.order_time)
+    site = ComparedSite(
+        args.scenario, settings, args.seed, base, args.columns, named, args.order_time
+    )
     none: list[Path | None] = [None]
     of_log = [*orders] if len(orders) > 1 else [*(orders or none)] * len(args.logs)
     days = [read_day(site, log, file) for log, file in zip(args.logs, of_log, strict=True)]
@@ -96,4 +98,4 @@ def run(args: argparse.Namespace) -> int:
         lambda: agreement_document(name, compared, notes),
         lambda: agreement_record(name, compared, notes),
     )
-    return 0 if compared.agreement.verdict == MATCHES else 1
+    return 1 if compared.agreement.verdict == DIFFERS else 0

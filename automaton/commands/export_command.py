@@ -21,7 +21,6 @@ from automaton.errors import InputError, alternatives, nearest
 from automaton.exchange.lif_export import LATEST_LIF as LATEST_LIF
 from automaton.exchange.lif_export import LIF_VERSIONS as LIF_VERSIONS
 from automaton.exchange.lif_export import lif_file
-from automaton.recording.frames import check_simulated
 from automaton.recording.recording_reader import read_recording
 from automaton.scenario.text_files import find
 from automaton.units import count, exact_time
@@ -96,7 +95,7 @@ def export_output(file: Path, out: Path) -> int:
     import msgspec
 
     recording = read_recording(file)
-    check_simulated(recording.header, "an export", file)
+    recording.check_simulated("an export", file)
     from automaton.exports.planviz_export import planviz_output
 
     check_writable(file, out)
@@ -121,7 +120,7 @@ def export_trace(
 
     version = known_version(version or LATEST, VERSIONS)
     recording = read_recording(file)
-    check_simulated(recording.header, "an export", file)
+    recording.check_simulated("an export", file)
     check_writable(file, out)
     try:
         with atomic_writer(out) as stream:

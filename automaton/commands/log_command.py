@@ -2,7 +2,7 @@
 
 The log has VDA 5050 state messages, one JSON a line, bare or in an envelope with topic and payload; or it
 is a CSV file with the columns robot, time, x and y, and, if there, theta, load, charge and state. Files
-may be packed (.gz). The scenario tells the floor and the fleet; units.origin and units.rotation place
+may be packed (.gz). The scenario has the floor and the fleet; units.origin and units.rotation place
 the floor in the coordinates of the site.
 
 Exit code 0: done; 2: bad input, such as positions that are not on the floor.

@@ -30,7 +30,6 @@ from automaton.commands.arguments import (
 )
 from automaton.documents.report_document import INDENT, Listed, ReportDocument
 from automaton.errors import InputError
-from automaton.recording.frames import Recording
 from automaton.recording.recording_reader import read_recording
 from automaton.runs.provenance import first_changes
 from automaton.units import count
@@ -88,9 +87,9 @@ def run(args: argparse.Namespace) -> int:
     return 0 if found.passed else 1
 
 
-def report_breaches(args: argparse.Namespace, recording: Recording) -> int:
+def report_breaches(args: argparse.Namespace, recording: Any) -> int:
     """List what real robots did against the rules; a recording of them cannot be run again."""
-    from automaton.calibration.observed_run import breaches_of
+    from automaton.history.playback import breaches_of
 
     try:
         with progress(recording.ticks) as show:

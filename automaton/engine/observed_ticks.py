@@ -1,7 +1,7 @@
 """Ticks of an observed run: the state of the world is set from what real robots did.
 
 Nothing is decided and no rule of motion applies: two robots may stand in one cell, or swap. Moves,
-turns, picks, drops and stops begin as recorded; changes tell cells, headings, loads, orders and charge.
+turns, picks, drops and stops begin as recorded; changes hold cells, headings, loads, orders and charge.
 All else follows from these, so that observations and counters are those of a simulated run.
 """
 

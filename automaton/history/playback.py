@@ -7,7 +7,8 @@ floor only cells that robots have reached take space.
 from __future__ import annotations
 
 from bisect import bisect_right
-from collections.abc import Callable
+from collections import Counter, deque
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from typing import ClassVar, Final, NamedTuple
 
@@ -18,10 +19,10 @@ from automaton.engine.decision_stream import ReplayState, repeat
 from automaton.engine.digest import DIGEST_NAMES
 from automaton.engine.observation import Observation
 from automaton.engine.observed_ticks import show_ticks
-from automaton.engine.state import LAYER_NAMES, Array, Clock, World
+from automaton.engine.state import LAYER_NAMES, NIL, Array, Clock, World
 from automaton.errors import InputError
-from automaton.recording.contents import Content
-from automaton.recording.frames import StoredFrames, changed, resolved_of
+from automaton.recording.contents import FRAME_TICKS, Content
+from automaton.recording.frames import Recording, StoredFrames, changed, resolved_of
 from automaton.runs.simulation import Simulation
 from automaton.runs.state_copy import arrays_of_run, copy_clock, ragged_arrays, used_entries
 from automaton.strategy.contract import Strategy, WaitRanges
@@ -345,3 +346,86 @@ def _delta(array: Array, base: Array) -> Delta:
     if where.nbytes + values.nbytes < array.nbytes:
         return Delta(where, values)
     return Delta(None, array.copy())
+
+
+# What real robots did that the rules of motion forbid.
+
+
+TWO_ROBOTS: Final = "two robots in a cell for one"
+SWAP: Final = "two robots that swapped their cells"
+
+
+class Breach(NamedTuple):
+    """Something that a model of one robot in a cell rules out, and where it was seen first."""
+
+    what: str
+    times: int
+    tick: int
+    robots: tuple[int, int]
+    cell: tuple[int, int]  # x, y
+
+    def __str__(self) -> str:
+        one, other = self.robots
+        where = f"first in tick {self.tick:,}: robots {one} and {other} at {self.cell}"
+        times = "once" if self.times == 1 else f"{self.times:,} times"
+        return f"{self.what}: {times}, {where}"
+
+
+def breaches_of(
+    recording: Recording, show: Callable[[str, int], None] = lambda what, tick: None
+) -> list[Breach]:
+    """What the robots of an observed run did against the rules of motion; `show`: the progress.
+
+    Between two messages positions are interpolated. So two robots count that are in one cell for longer
+    than it takes from one message to the next, once however long; and swaps within this time.
+    """
+    playback = Playback(recording.header, recording.stored())
+    floor_plan = playback.simulation.resolved.floor_plan
+    capacity, gap = floor_plan.capacity.ravel(), recording.header["observed"]["gap"]
+    first: dict[str, Breach] = {}
+    times: Counter[str] = Counter()
+    past = deque([_cells(playback)], maxlen=gap)
+    lasts: dict[tuple[int, int], int] = {}  # ticks that two robots have been together
+    swapped: set[tuple[int, int]] = set()
+    for tick in range(1, recording.ticks + 1):
+        playback.go_to(tick)
+        now = _cells(playback)
+        lasts = {pair: lasts.get(pair, 0) + 1 for pair in _robots_together(now, capacity)}
+        swaps = set(_swaps(past[0], now))
+        new = [(TWO_ROBOTS, *pair) for pair, ticks in sorted(lasts.items()) if ticks == gap + 1]
+        new += [(SWAP, *pair) for pair in sorted(swaps - swapped)]
+        for what, one, other in new:
+            times[what] += 1
+            if what not in first:
+                first[what] = Breach(what, 0, tick, (one, other), floor_plan.xy(int(now[one])))
+        swapped = swaps
+        past.append(now)
+        if tick % FRAME_TICKS == 0:
+            show("rules", tick)
+    return [breach._replace(times=times[what]) for what, breach in first.items()]
+
+
+def _cells(playback: Playback) -> Array:
+    """(n,) the cell of each robot, by identity."""
+    robots = playback.simulation.world.robots
+    cells: Array = robots.cell[robots.at_index].astype(np.int64)
+    return cells
+
+
+def _robots_together(cell: Array, capacity: Array) -> Iterator[tuple[int, int]]:
+    """Yield pairs of neighbours in the list of the robots of each cell with too many robots."""
+    order = np.argsort(cell, kind="stable")
+    same = np.diff(cell[order]) == 0
+    same &= (cell[order][1:] != NIL) & (capacity[cell[order][1:]] == 1)
+    for at in np.flatnonzero(same).tolist():
+        yield int(order[at]), int(order[at + 1])
+
+
+def _swaps(before: Array, now: Array) -> Iterator[tuple[int, int]]:
+    """Yield the pairs of robots that have changed places."""
+    moved = np.flatnonzero((before != now) & (before != NIL) & (now != NIL)).tolist()
+    came = {(int(before[robot]), int(now[robot])): robot for robot in moved}
+    for robot in moved:
+        other = came.get((int(now[robot]), int(before[robot])))
+        if other is not None and robot < other:
+            yield robot, other

@@ -179,6 +179,10 @@ class Recording:
         """Whether it shows what real robots did: it has no decisions, and no rule applied."""
         return "observed" in self.header
 
+    def check_simulated(self, what: str, file: object) -> None:
+        """Raise InputError for an observed run; `what` needs the decisions of a simulated one."""
+        check_simulated(self.header, what, file)
+
     def stored(self) -> StoredFrames:
         """The frames as a sequence that finds ticks."""
         if isinstance(self.frames, StoredFrames):

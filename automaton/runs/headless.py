@@ -269,12 +269,15 @@ def run_once(
 
 def outcome_of(
     simulation: Simulation,
-    last_worked: Array,
-    marks: PeriodMarks,
+    last_worked: Array | None = None,
+    marks: PeriodMarks | None = None,
     wall: float | None = None,
     until: int | None = None,
 ) -> Outcome:
     """The result of a run that is over. `last_worked`: (n,) tick in which each robot last worked."""
+    if last_worked is None:
+        last_worked = np.zeros(len(simulation.world.robots.cell), np.int64)
+    marks = marks or PeriodMarks()
     orders = asked_orders(simulation.world)
     finished = is_finished(simulation)
     return Outcome(

@@ -15,9 +15,11 @@ from automaton.commands import main
 from automaton.engine.state import ACTION_MOVE, ACTION_PICK, ACTION_SERVE
 from automaton.exports.vda5050_export import write_trace
 from automaton.history.playback import Playback
-from automaton.recording.frames import Recording
+from automaton.recording.contents import DecodedFrame
+from automaton.recording.frames import Recording, encoded
 from automaton.recording.recording_reader import read_recording
 from automaton.runs.metrics import executed_ticks
+from tui.playback.playback_state import RecordedCells, TimeComparison
 
 SITE = (
     "units={tick: 0.5 s, cell: 1 m, origin: [-7.25, 3], rotation: 90}",
@@ -118,6 +120,34 @@ def test_commands_that_need_decisions_refuse_it(
     assert "no two robots in a cell for one, no swaps" in said
 
 
+def test_both_runs_are_shown_side_by_side_with_the_difference_of_their_times(
+    run: Recording, real: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    site, out = tmp_path / "site.rec", tmp_path / "both.txt"
+    site.write_bytes(encoded(run.header, [DecodedFrame(*frame) for frame in run.frames]))
+    layer = ["--layer", "difference", "--at", "60"]
+    beside = ["cast", str(real), "--beside", str(site), "--picture", str(out)]
+    assert main([*beside, *layer]) == 0
+    assert "h more time than in the simulation" in out.read_text()
+    assert main(["cast", str(real), "--picture", str(out), *layer]) == 2
+    assert "compares two recordings" in capsys.readouterr().err
+
+
+def test_the_layer_counts_the_time_of_robots_in_cells(run: Recording, real: Path) -> None:
+    seen = read_recording(real)
+    ours, theirs = (RecordedCells(one.header, one.stored(), 0.5) for one in (run, seen))
+    first, last = ours.until(20).copy(), ours.until(60).copy()
+    assert (first <= last).all() and np.array_equal(ours.until(20), first)
+    playback, total = Playback(run.header, run.stored()), 0
+    for tick in range(1, 61):
+        playback.go_to(tick)
+        total += int((playback.simulation.world.robots.cell >= 0).sum())
+    assert last.sum() == 0.5 * total
+    real_less = TimeComparison(ours, theirs).time_difference(60)
+    assert np.array_equal(real_less, TimeComparison(theirs, ours).time_difference(60))
+    assert abs(int(real_less.sum())) <= 4, "the real robots are in the same cells"
+
+
 def message(second: float, robot: str, x: float, y: float, **more: Any) -> str:
     """A message at a second; cell (i, j) of a floor of three rows is at x i + 0.5, y 2.5 - j."""
     moment = datetime.datetime(2026, 3, 2, 6) + datetime.timedelta(seconds=second)
@@ -144,8 +174,8 @@ def test_two_robots_in_a_cell_and_swaps_are_listed(
     assert read_recording(out).header["observed"]["robots"] == ("agv-9", "agv-10")
     assert main(["verify", str(out)]) == 0
     said = " ".join(capsys.readouterr().out.split())
-    assert "two robots that swapped their cells: 1 time, first in tick 4: robots 0 and 1" in said
-    assert "two robots in a cell for one: 1 time, first in tick 9: robots 0 and 1" in said
+    assert "two robots that swapped their cells: once, first in tick 4: robots 0 and 1" in said
+    assert "two robots in a cell for one: once, first in tick 9: robots 0 and 1" in said
 
 
 @pytest.mark.parametrize(

@@ -71,7 +71,7 @@ LINES = {
     "serve": "serve crossing --port 0 --no-token",
     "report": "report results",
     "what-if": "what-if crossing changes.yaml --pairs 2 --workers 1",
-    "compare": "compare crossing log.jsonl --runs 20 --workers 1 --set units.cell=1m",
+    "compare": "compare site.yaml day.jsonl --runs 20 --workers 1 --seed 9",
     "bottlenecks": "bottlenecks crossing --only fleet --most 1 --pairs 2,2 --workers 1",
     "streets": "streets crossing --out found --runs 96 --dry-run --workers 1",
     "size": "size crossing --target makespan<=5000 --robots 2 --budget 70 --workers 1",
@@ -91,6 +91,16 @@ LACKS_EXTRA = {"train": "torch"}
 STUDY = "name: small\nscenario: crossing\npoints: [{}]\nreplications: 2\n"
 CHANGES = "- {name: one robot fewer, set: {fleet.robots: 2}}\n"
 MAP = "type octile\nheight 2\nwidth 3\nmap\n..@\n...\n"
+SITE = """\
+name: site
+layout: {picture: "t...t"}
+fleet: {robots: 1, kinematics: omni, start: [[1, 0]]}
+units: {tick: 1 s, cell: 1 m}
+durations: {pick: 4, drop: 4, handling_jitter: 4}
+orders: {generator: stations, count: 6, mean_interarrival_time: 20}
+strategy: {allocation: first-come, right_of_way: retreat}
+stop: {when: never, max_duration: 200}
+"""
 RECORDED = "run crossing --record a.rec --set units.cell=1m"
 # In the order of the columns of the table on the page.
 STREAMS = ("closed", "full", "gone")
@@ -104,10 +114,12 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
         (path / "small.yaml").write_text(STUDY)
         (path / "changes.yaml").write_text(CHANGES)
         (path / "a.map").write_text(MAP)
+        (path / "site.yaml").write_text(SITE)
         with contextlib.redirect_stdout(io.StringIO()):
             assert main(RECORDED.split()) == 0
             assert main(LINES["sweep"].split()) == 0
-            assert main(["export", "a.rec", "--vda5050", "log.jsonl"]) == 0
+            assert main(["run", "site.yaml", "--record", "day.rec"]) == 0
+            assert main(["export", "day.rec", "--vda5050", "day.jsonl"]) == 0
         yield path
 
 

@@ -1,11 +1,11 @@
-"""Check the verdicts of `compare` on days that are simulated, too.
+"""Check the verdicts of `compare` on days that are simulated, too: run by hand.
 
     python tests/helpers/comparison_trials.py truth [DAYS]      the model is right
     python tests/helpers/comparison_trials.py planted [SERIES]  one thing is wrong in the model
 
-A day has random orders for two hours. Site and model run with them; the site has seeds that the model has
-not. Traces are taken from the runs: tests/calibration shows that those of logs equal them. `planted`
-gives each fault SERIES of ten days.
+A day has random orders for one hour, in `planted` two. Site and model run with them; the site has seeds
+that the model has not. Traces are taken from the runs: tests/calibration shows that those of logs equal
+them. `planted` gives each fault SERIES of ten days.
 """
 
 from __future__ import annotations
@@ -26,8 +26,8 @@ from automaton.scenario.document import Override
 from automaton.world.resolve import resolve
 from automaton.world.resolved import Resolved
 
-HOURS, TICK_S, SAMPLE_TICKS, RUNS, DAYS = 2, 1, 10, 50, 10
-TICKS = HOURS * 3600 // TICK_S
+SAMPLE_TICKS, RUNS, DAYS = 10, 50, 10
+TICKS = {"truth": 3600, "planted": 7200}  # of 1 s
 AISLE = [[3, y] for y in (2, 3, 4, 5)]
 SITE = """\
 name: trial
@@ -67,22 +67,26 @@ PLANTED = {
 }
 
 
-def orders_of_day(day: int) -> list[dict[str, object]]:
+def orders_of_day(day: int, ticks: int) -> list[dict[str, object]]:
     """Random orders from station to station."""
     draw = np.random.default_rng(day)
     stations = [[0, 1], [13, 1], [0, 6], [13, 6], [0, 10], [13, 10]]
-    releases = np.cumsum(draw.exponential(30, 2 * TICKS // 30))
+    releases = np.cumsum(draw.exponential(30, 2 * ticks // 30))
     pairs = [draw.choice(len(stations), 2, replace=False) for _ in releases]
     return [
         {"from": stations[a], "to": stations[b], "release": int(at)}
         for at, (a, b) in zip(releases, pairs, strict=True)
-        if at < TICKS
+        if at < ticks
     ]
 
 
-def with_orders(path: Path, day: int, settings: dict[str, object]) -> Resolved:
+def with_orders(path: Path, ticks: int, day: int, settings: dict[str, object]) -> Resolved:
     """The site with the orders of a day and other settings."""
-    changes = {"orders": {"list": orders_of_day(day)}, **settings}
+    changes = {
+        "orders": {"list": orders_of_day(day, ticks)},
+        "stop.max_duration": ticks,
+        **settings,
+    }
     overrides = [
         Override(key, tuple(_key(part) for part in key.split(".")), value)
         for key, value in changes.items()
@@ -100,31 +104,31 @@ def plan_of(resolved: Resolved, released: np.ndarray) -> MeasurePlan:
     cells = tuple(
         resolved.floor_plan.cell(x, y) for x, y in ((3, 1), (3, 6), (9, 6), (6, 1), (6, 6))
     )
-    rows = TICKS // SAMPLE_TICKS + 1
-    period = float(SAMPLE_TICKS * TICK_S)
+    rows = resolved.scenario.stop.max_duration // SAMPLE_TICKS + 1
+    period = float(SAMPLE_TICKS)
     return MeasurePlan(
-        SAMPLE_TICKS, rows, period, stretch_of, int(stretch_of.max()) + 1, cells, released
+        SAMPLE_TICKS, rows, period, stretch_of, int(stretch_of.max()) + 1, cells, False, released
     )
 
 
 class Days:
     """Days of the trial, each with the runs of the model."""
 
-    def __init__(self, path: Path) -> None:
-        self.path = path
+    def __init__(self, path: Path, ticks: int) -> None:
+        self.path, self.ticks = path, ticks
 
     def measured(self, day: int, seed: int, settings: dict[str, object]) -> dict[str, float]:
         """A run of a day."""
-        resolved = with_orders(self.path, day, settings)
+        resolved = with_orders(self.path, self.ticks, day, settings)
         orders = resolved.scenario.orders.listed or ()
-        released = np.array([order.release for order in orders], float) * TICK_S
+        released = np.array([order.release for order in orders], float)
         return measured_run(Simulation(resolved, seed), plan_of(resolved, released))
 
     def runs(self, day: int) -> list[dict[str, float]]:
         """The runs of the model."""
-        resolved = with_orders(self.path, day, {})
+        resolved = with_orders(self.path, self.ticks, day, {})
         orders = resolved.scenario.orders.listed or ()
-        plan = plan_of(resolved, np.array([order.release for order in orders], float) * TICK_S)
+        plan = plan_of(resolved, np.array([order.release for order in orders], float))
         return [measured_run(Simulation(resolved, seed), plan) for seed in range(1, RUNS + 1)]
 
     def result(
@@ -136,8 +140,13 @@ class Days:
 
 def truth(days: Days, many: int) -> None:
     """The model is right: days, and series of ten days, that differ."""
-    results = [days.result(day, days.runs(day), {}) for day in range(many)]
-    single = sum(agreement([one]).verdict == DIFFERS for one in results)
+    results: list[DayResult] = []
+    single = 0
+    for day in range(many):
+        results.append(days.result(day, days.runs(day), {}))
+        single += agreement(results[-1:]).verdict == DIFFERS
+        if (day + 1) % 50 == 0:
+            print(f"{single} of {day + 1} days differ", flush=True)
     series = [agreement(results[k : k + DAYS]).verdict for k in range(0, many - DAYS + 1, DAYS)]
     print(f"days: {single} of {many} differ ({100 * single / many:.1f} %)")
     print(f"series of {DAYS} days: {dict(Counter(series))}")
@@ -170,7 +179,7 @@ def main(what: str, many: int) -> None:
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "trial.yaml"
         path.write_text(SITE, encoding="utf-8")
-        {"truth": truth, "planted": planted}[what](Days(path), many)
+        {"truth": truth, "planted": planted}[what](Days(path, TICKS[what]), many)
     print(f"{time.process_time() - begun:.0f} CPU s; error {ERROR}")
 
 

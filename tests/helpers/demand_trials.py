@@ -1,4 +1,4 @@
-"""Check the fit of demand on the orders of real warehouses: WEPAStacks and CrossStacks.
+"""Check the fit of demand on orders of real warehouses, WEPAStacks and CrossStacks: run by hand.
 
     python tests/helpers/demand_trials.py wepastacks [WHEEL]
 
@@ -20,8 +20,8 @@ from pathlib import Path
 import numpy as np
 
 from automaton.calibration.demand import (
-    Demand,
     Releases,
+    WeeklyDemand,
     check_weeks,
     fit_demand,
     quantiles_of,
@@ -56,7 +56,7 @@ def downloaded(folder: Path) -> Path:
     return next(folder.glob("*.whl"))
 
 
-def report(name: str, demand: Demand) -> None:
+def report(name: str, demand: WeeklyDemand) -> None:
     """Print what is fitted."""
     orders, batches = demand.orders, demand.batches
     print(

@@ -198,12 +198,13 @@ def try_mutated(logs: int, first: int) -> int:
 
 
 READ = """
-import resource, sys, time
+import sys, time
 from pathlib import Path
 from automaton.calibration.state_log import read_log
 began = time.process_time()
 log = read_log([Path(sys.argv[1])])
-cpu, memory = time.process_time() - began, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+cpu = time.process_time() - began
+memory = int(Path("/proc/self/status").read_text().split("VmHWM:")[1].split()[0]) / 1024
 print(f"{log.counts.messages:,} messages: {cpu:.1f} CPU s, {memory:,.0f} MiB")
 """
 

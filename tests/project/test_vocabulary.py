@@ -30,6 +30,7 @@ EXCEPTIONS = {
     "automaton/engine/observation.py": "names of events",
     "automaton/drawings/looks.py": "names of colours",
     "automaton/history/narration.py": "kinds of sentences, which --only names",
+    "automaton/calibration/log_lines.py": "fields of messages",
     "automaton/runs/metric_sums.py": "names of sums",
     "automaton/runs/run_report.py": "names of metrics",
 }

@@ -2,22 +2,19 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
 from automaton.engine.observation import LOST_EVER, congestion_of, visits_of
 from automaton.engine.state import NIL, Array
-from tui.render.cell_looks import TINT_CODES, TINTS
-from tui.render.layer import Layer, ScaleLine
-from tui.render.styles import Entries, GlyphSet, code, style
+from tui.render.layer import Layer, ScaleLine, tint_letter, tint_sign
 
 if TYPE_CHECKING:  # it needs Numba
     from automaton.runs.simulation import Simulation
-    from tui.render.scene import Scene
 
 MORE, LESS = 4, 0  # tints of cells in which robots spent more time, or less
-SMALL: Final = 20  # differences below this part of the greatest one are not shown
+SMALL_PART: Final = 20  # differences below this part of the greatest one are not shown
 
 
 class Visits(Layer):
@@ -82,18 +79,18 @@ class TimeDifference(Layer):
     compares = ranked = True
     pause_s = 0.5
 
-    def is_there(self, scene: Scene) -> bool:
+    def is_there(self, scene: Any) -> bool:
         return scene.values is not None
 
-    def tints(self, scene: Scene) -> Array | None:
+    def tints(self, scene: Any) -> Array | None:
         values = scene.values
         if values is None:
             return None
-        small = max(1, int(np.abs(values).max(initial=0)) // SMALL)
+        small = max(1, int(np.abs(values).max(initial=0)) // SMALL_PART)
         tints: Array = np.where(values >= small, MORE, np.where(values <= -small, LESS, NIL))
         return tints.astype(np.int8)
 
-    def entries(self, scene: Scene, glyphs: GlyphSet) -> Entries:
+    def entries(self, scene: Any, glyphs: Any) -> Any:
         values = scene.values
         if values is None:
             return [((), self.absent)]
@@ -103,19 +100,14 @@ class TimeDifference(Layer):
             ((tint_sign(LESS),), f"less, down to {least:,}"),
         ]
 
-    def scale(self, scene: Scene, glyphs: GlyphSet) -> ScaleLine:
+    def scale(self, scene: Any, glyphs: Any) -> ScaleLine:
         if scene.values is None:
             return [self.absent]
         return ["more time", (tint_sign(MORE),), "less", (tint_sign(LESS),)]
 
-    def key_words(self, scene: Scene, resolved: object, glyphs: GlyphSet) -> list[str]:
-        more, less = (chr(TINT_CODES[tint]) for tint in (MORE, LESS))
+    def key_words(self, scene: Any, resolved: object, glyphs: Any) -> list[str]:
+        more, less = tint_letter(MORE), tint_letter(LESS)
         return [f"{more} more time than in the simulation", f"{less} less"]
 
     def value_words(self, value: int) -> list[str]:
         return [f"time difference {value:+,}"]
-
-
-def tint_sign(tint: int) -> int:
-    """A tint as the code of a sign."""
-    return int(code(style(TINTS[tint], TINTS[tint]), TINT_CODES[tint]))

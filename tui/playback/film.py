@@ -60,7 +60,7 @@ from tui.render.styles import (
 if TYPE_CHECKING:
     from automaton.history.snapshot import Snapshot
     from automaton.runs.simulation import Simulation
-    from tui.playback.playback_state import Comparison, PlaybackState
+    from tui.playback.playback_state import PlaybackState, TimeComparison
 
 
 MIN_FILM_SIZE: Final = (40, 8)
@@ -162,7 +162,7 @@ def film_of(recordings: Sequence[Path], request: Request) -> Film:
         if layer.compares:
             raise InputError(f"{request.layer}: {layer.absent}")
         return Film(recordings[0], request)
-    return FilmPair(*(Film(path, request) for path in recordings))
+    return FilmsSideBySide(*(Film(path, request) for path in recordings))
 
 
 class Film:
@@ -196,6 +196,11 @@ class Film:
         return title_of(self._resolved, recording.header["seed"], recording.stored())
 
     @property
+    def tick_unit(self) -> float:
+        """The size of a tick in its unit."""
+        return unit(self._resolved.scenario.units.tick).size
+
+    @property
     def size(self) -> str:
         """COLUMNSxROWS."""
         return f"{self.columns}x{self.rows}"
@@ -207,7 +212,7 @@ class Film:
         return tick
 
     def codes_at(
-        self, ticks: Iterable[int], comparison: Comparison | None = None
+        self, ticks: Iterable[int], comparison: TimeComparison | None = None
     ) -> Iterator[Codes]:
         """(rows, columns) codes for each of these ascending ticks; `comparison`: with another film.
 
@@ -282,7 +287,7 @@ class Film:
         return Status(self.last, scenario.fleet.robots, orders, tick, "  ".join(chosen), key)
 
 
-class FilmPair(Film):
+class FilmsSideBySide(Film):
     """A film of two recordings side by side; a shorter one stays at its last tick."""
 
     def __init__(self, one: Film, other: Film) -> None:
@@ -301,12 +306,16 @@ class FilmPair(Film):
         return " | ".join(film.title for film in self._films)
 
     def codes_at(
-        self, ticks: Iterable[int], comparison: Comparison | None = None
+        self, ticks: Iterable[int], comparison: TimeComparison | None = None
     ) -> Iterator[Codes]:
-        from automaton.history.watched_run import ReplayedRun
-        from tui.playback.playback_state import Comparison
+        from tui.playback.playback_state import RecordedCells, TimeComparison
 
-        both = Comparison([ReplayedRun(film.recording) for film in self._films])
+        both = TimeComparison(
+            *(
+                RecordedCells(film.recording.header, film.recording.stored(), film.tick_unit)
+                for film in self._films
+            )
+        )
         sides = itertools.tee(ticks)
         shown = (
             film.codes_at((min(tick, film.last) for tick in side), both)

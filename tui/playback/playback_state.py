@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 
@@ -90,45 +89,41 @@ def figures_of(run: WatchedRun) -> RunFigures:
     return RunFigures(shown.tick, metrics_of(shown), operations, active, starved, jam, periods)
 
 
-class CellTicks:
+class RecordedCells:
     """How long robots have been in each cell of a recording, up to any tick."""
 
-    def __init__(self, run: WatchedRun) -> None:
-        self._run = run
+    def __init__(self, header: dict[str, Any], frames: Any, tick_unit: float) -> None:
+        """`frames`: automaton.recording.frames.StoredFrames; `tick_unit`: the size of a tick."""
+        self.is_observed = "observed" in header
+        self._header, self._frames, self._tick_unit = header, frames, tick_unit
         self._playback: Playback | None = None
         self._ticks = np.zeros(0, np.int64)
 
     def until(self, tick: int) -> Array:
-        """(C,) int64: robot ticks spent in each cell up to a tick, or to the end of the run."""
+        """(C,) float64: robot time in each cell up to a tick, or to the end, in the unit of a tick."""
         if self._playback is None or tick < self._playback.tick:
-            self._playback = Playback(self._run.header, self._run.frames)
+            self._playback = Playback(self._header, self._frames)
             cells = self._playback.simulation.world.grid.cell_flags.size
             self._ticks = np.zeros(cells, np.int64)
-        playback, robots = self._playback, self._playback.simulation.world.robots
-        while playback.tick < min(tick, self._run.frames.last_tick):
-            playback.go_to(playback.tick + 1)
-            robots = playback.simulation.world.robots
-            np.add.at(self._ticks, robots.cell[robots.cell != NIL], 1)
-        return self._ticks
+        while self._playback.tick < min(tick, self._frames.last_tick):
+            self._playback.go_to(self._playback.tick + 1)
+            cell = self._playback.simulation.world.robots.cell
+            np.add.at(self._ticks, cell[cell != NIL], 1)
+        return self._ticks * self._tick_unit
 
 
-class Comparison:
+class TimeComparison:
     """Two recordings side by side; where one was observed, the real one minus the simulated one."""
 
-    def __init__(self, runs: Sequence[WatchedRun]) -> None:
-        self._cells = [CellTicks(run) for run in runs]
-        one, other = ("observed" in run.header for run in runs)
-        self._sign = -1 if other and not one else 1
-        self._seconds = [run.resolved.scenario.units.scale.unit.size for run in runs]
+    def __init__(self, one: RecordedCells, other: RecordedCells) -> None:
+        is_swapped = other.is_observed and not one.is_observed
+        self._real, self._simulated = (other, one) if is_swapped else (one, other)
 
     def time_difference(self, tick: int) -> Array:
-        """(C,) int32: robot time spent in each cell of one run, minus that of the other, in the unit
-        of a tick."""
-        one, other = (
-            cells.until(tick) * size for cells, size in zip(self._cells, self._seconds, strict=True)
-        )
-        difference: Array = np.rint(self._sign * (one - other)).astype(np.int32)
-        return difference
+        """(C,) int32: robot time spent in each cell of one run, minus that of the other."""
+        difference = self._real.until(tick) - self._simulated.until(tick)
+        rounded: Array = np.rint(difference).astype(np.int32)
+        return rounded
 
 
 class LongTick(NamedTuple):
@@ -153,7 +148,7 @@ class Overlays:
         simulation: Simulation,
         name: str,
         playing: bool,
-        comparison: Comparison | None = None,
+        comparison: TimeComparison | None = None,
     ) -> Snapshot:
         """The snapshot with the numbers of a layer; `comparison`: of two recordings.
 

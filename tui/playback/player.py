@@ -24,11 +24,12 @@ from automaton.history.live_run import LiveDivergence, LiveRun
 from automaton.history.snapshot import Snapshot, take_snapshot
 from automaton.history.watched_run import COMPUTE_SLICE_S, WatchedRun
 from tui.playback.playback_state import (
-    Comparison,
     LongTick,
     Overlays,
     PlaybackState,
+    RecordedCells,
     RunFigures,
+    TimeComparison,
     Trails,
     figures_of,
 )
@@ -83,7 +84,7 @@ class Player:
         live = [run for run in self.runs if isinstance(run, LiveRun)]
         self._divergence = LiveDivergence(*live) if len(live) == 2 else None
         recorded = len(self.runs) == 2 and not live
-        self._comparison = Comparison(self.runs) if recorded else None
+        self._comparison = self._compare() if recorded else None
         self._trails: list[Trails] | None = None  # None: not shown
         self._figures: tuple[RunFigures, ...] = ()
         self._parted: Divergence | None = None
@@ -96,6 +97,14 @@ class Player:
         self._thread = threading.Thread(target=self._run_thread, name="player", daemon=True)
         if start:
             self._thread.start()
+
+    def _compare(self) -> TimeComparison:
+        """The comparison of two recordings."""
+        cells = (
+            RecordedCells(run.header, run.frames, run.resolved.scenario.units.scale.unit.size)
+            for run in self.runs
+        )
+        return TimeComparison(*cells)
 
     def latest(self) -> PlaybackState:
         """Return the newest state without waiting."""

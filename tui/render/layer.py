@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from tui.render.cell_looks import flow_codes, heat_codes
+from tui.render.cell_looks import TINT_CODES, TINTS, flow_codes, heat_codes
 from tui.render.scene import HEAT_LEVELS, Scene, levels_of
-from tui.render.styles import GlyphSet
+from tui.render.styles import GlyphSet, code, style
 
 if TYPE_CHECKING:
     from automaton.runs.simulation import Simulation
@@ -183,6 +183,16 @@ def scale_line(scene: Scene, glyphs: GlyphSet) -> ScaleLine:
     signs = tuple(codes[1:HEAT_LEVELS].tolist())
     least = int(scene.values[scene.values > 0].min(initial=scene.scale.end))
     return [f"{layer.unit or layer.name} {least:,}", signs, f"{int(np.max(scene.values)):,}"]
+
+
+def tint_sign(tint: int) -> int:
+    """A tint as the code of a sign."""
+    return int(code(style(TINTS[tint], TINTS[tint]), TINT_CODES[tint]))
+
+
+def tint_letter(tint: int) -> str:
+    """The letter that shows a tint without colours."""
+    return chr(TINT_CODES[tint])
 
 
 def nothing_yet(scene: Scene) -> str:

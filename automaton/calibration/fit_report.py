@@ -8,7 +8,7 @@ from typing import Any, Final
 from automaton.calibration.site_fits import HOUR, Estimate, SiteFits
 from automaton.documents.report_document import Heading, Listed, ReportDocument, Table, Text
 
-HEAD: Final = ("setting", "scenario", "fitted", "95 % interval", "unit", "from", "remark")
+HEAD: Final = ("setting", "scenario", "fitted", "95 % interval", "unit", "from")
 
 
 def fit_document(
@@ -23,7 +23,7 @@ def fit_document(
     )
     rows = [list(row) for row in estimate_rows(fits)]
     if rows:
-        document.add(Heading("Fitted"), Table(HEAD, rows, left=1, also_left=(4, 5, 6)))
+        document.add(Heading("Fitted"), Table(HEAD, rows, left=1, also_left=(4, 5)))
     if fits.unsaid:
         document.add(Heading("What the log cannot say"), Listed(fits.unsaid))
     if fits.notes:
@@ -44,32 +44,16 @@ def estimate_rows(fits: SiteFits) -> Iterator[Sequence[str]]:
         present = "" if one.present is None else f"{one.present:.4g}"
         low, high = (f"{end:.4g}" for end in one.fit[1:3])
         unit = one.unit or "factor"
-        yield (
-            one.key,
-            present,
-            f"{one.fit.value:.4g}",
-            f"{low} to {high}",
-            unit,
-            one.observed,
-            one.remark,
-        )
+        source = f"{one.observed}, {one.remark}" if one.remark else one.observed
+        yield one.key, present, f"{one.fit.value:.4g}", f"{low} to {high}", unit, source
     for start, rate in fits.charging:
-        remark = f"from {start:g} %" if len(fits.charging) > 1 else ""
-        yield "battery.charge_rate", "", f"{rate * HOUR:.4g}", "", "%/h", "charging", remark
+        source = f"charging from {start:g} %" if len(fits.charging) > 1 else "charging"
+        yield "battery.charge_rate", "", f"{rate * HOUR:.4g}", "", "%/h", source
     for slow in fits.slow:
-        speed = slow.speed
         where = "({}, {}) to ({}, {})".format(*slow.first, *slow.last)
-        interval = f"{speed.low:.4g} to {speed.high:.4g}"
-        remark = f"{where}: {slow.share.value:.0%} of the usual speed"
-        yield (
-            "floor.speed_limits",
-            "",
-            f"{speed.value:.4g}",
-            interval,
-            "m/s",
-            f"{speed.n:,} pairs",
-            remark,
-        )
+        low, high = (f"{end:.4g}" for end in slow.speed[1:3])
+        source = f"{slow.speed.n:,} pairs, {where}"
+        yield "floor.speed_limits", "", f"{slow.speed.value:.4g}", f"{low} to {high}", "m/s", source
 
 
 def fit_record(

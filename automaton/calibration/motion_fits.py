@@ -23,7 +23,8 @@ Array = np.ndarray[Any, Any]
 
 CELLS_AHEAD: Final = 4  # in which another robot obstructs
 WINDOW_S: Final = 5.0  # over which a speed is taken if possible: stamps err by tenths of a second
-ENOUGH_WINDOWS: Final = 100
+SLOWEST: Final = 1e-3  # cells per second
+ENOUGH_WINDOWS, MANY_WINDOWS = 100, 300
 LATERAL: Final = 0.15  # cells; a straight pair does not move farther aside
 STILL: Final = 0.15  # cells; noise of positions moves a standing robot less far
 CORE: Final = 2.5  # standard deviations beyond which slow pairs were obstructed
@@ -156,9 +157,15 @@ def speed_windows(track: RobotTracks, pairs: MessagePairs, chosen: Array) -> Arr
     """
     free = pairs.free & chosen
     gap = message_gap(track.seconds, track.usable)
-    inner = free & np.roll(free, 1) & np.roll(free, -1)
-    if gap < WINDOW_S / 2 and len(out := _windows(pairs, inner, gap)) >= ENOUGH_WINDOWS:
-        return out
+    if gap < WINDOW_S / 2:
+        inner = free & np.roll(free, 1) & np.roll(free, -1)
+        for chosen_pairs, least, enough in (
+            (inner, gap, MANY_WINDOWS),
+            (free, 2 * gap, ENOUGH_WINDOWS),
+        ):
+            out = _windows(pairs, chosen_pairs, least)
+            if len(out) >= enough:
+                return out
     return _windows(pairs, free, gap)
 
 
@@ -195,6 +202,15 @@ def core(values: Array, sign: int = 1) -> Array:
             break
         middle = after
     return near
+
+
+def usual_speed(speeds: Array) -> FittedValue:
+    """The median speed without obstructed drives.
+
+    These are named by their time for a cell: errors of stamps are symmetric in it, not in the speed.
+    """
+    slowness = median_fit(core(1 / np.maximum(speeds, SLOWEST), -1))
+    return FittedValue(1 / slowness.value, 1 / slowness.high, 1 / slowness.low, slowness.n)
 
 
 def median_fit(values: Array, level: float = LEVEL) -> FittedValue:

@@ -204,7 +204,7 @@ def _fit_speeds(fitting: Fitting) -> None:
             speeds = motion_fits.speed_windows(site.track, site.pairs, chosen)
             if not fitting.has_enough(key, len(speeds), 5, "straight drive"):
                 continue
-            fit = motion_fits.median_fit(motion_fits.core(speeds))
+            fit = motion_fits.usual_speed(speeds)
             fitting.usual[chosen] = fit.value
             _name_slow_robots(fitting, chosen, fit.value, key)
             fitting.add(
@@ -228,7 +228,7 @@ def _name_slow_robots(fitting: Fitting, chosen: Array, usual: float, key: str) -
         speeds = motion_fits.speed_windows(site.track, site.pairs, own)
         if len(speeds) < MIN_TURNS:
             continue
-        fit = motion_fits.median_fit(motion_fits.core(speeds))
+        fit = motion_fits.usual_speed(speeds)
         if fit.high < usual * (1 - stop_fits.SLOW_SHARE) or fit.low > usual * (
             1 + stop_fits.SLOW_SHARE
         ):

@@ -95,7 +95,7 @@ def with_value(line: bytes, draws: random.Random) -> bytes:
     """A line with another value somewhere."""
     try:
         message: Any = json.loads(line)
-    except ValueError:
+    except (ValueError, RecursionError):
         cells = line.split(b",")
         cells[draws.randrange(len(cells))] = str(draws.choice(VALUES)).encode()
         return b",".join(cells)
@@ -149,7 +149,9 @@ def mutated(lines: list[bytes], draws: random.Random) -> bytes:
                 (b"[" * 100_000, b"{" * 9, b"\0" * 99, b'"', b"\n", b"\xef\xbb\xbf")
             )
         elif lines[0][:1] == b"{":
-            with contextlib.suppress(ValueError, TypeError, KeyError, AttributeError):
+            with contextlib.suppress(
+                ValueError, TypeError, KeyError, AttributeError, RecursionError
+            ):
                 lines = list(disturbed(lines, draws.randrange(99)))
         lines = lines or [b"\n"]
     text = b"".join(lines)

@@ -71,7 +71,7 @@ class Flow(Layer):
 class TimeDifference(Layer):
     """Where robots of one recording spent more time than those of the other, beside it."""
 
-    key, label, position = "E", "Difference", 48
+    key, label, position = "R", "Times", 48
     meaning = "time in cells, observed minus simulated"
     words = "time difference"
     unit = counted = "more time"

@@ -71,7 +71,7 @@ class DayBand(NamedTuple):
 
     p: float  # share of equally likely cases with so large a deviation
     hours: Array  # (h, 4) float: real, mean of the runs, low and high end of the band
-    outside: tuple[str, ...]  # quantities outside the band, hours first in their order
+    outside: tuple[str, ...]  # quantities outside the band: hours, then the largest deviations
 
 
 class QuantityDifference(NamedTuple):
@@ -176,9 +176,9 @@ def day_band(day: DayResult) -> DayBand:
     deviation = np.abs(real - mean) / np.where(spread > 0, spread, 1)
     limit = np.sort(largest)[min(n, math.ceil((1 - ERROR) * (n + 1))) - 1]
     p = (1 + int((largest >= deviation.max()).sum())) / (n + 1)
-    outside = [name for name, far in zip(names, deviation > limit, strict=True) if far]
-    outside.sort(key=lambda name: not name.startswith(HOURLY))
     is_hour = np.array([name.startswith(HOURLY) for name in names])
+    order = np.lexsort((-deviation * ~is_hour, ~is_hour))  # hours in their order, then by deviation
+    outside = [names[number] for number in order.tolist() if deviation[number] > limit]
     ends = np.stack(
         [real, mean, np.maximum(mean - limit * spread, 0), mean + limit * spread], axis=1
     )

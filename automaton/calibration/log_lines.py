@@ -285,7 +285,7 @@ class LineReader:
 
     def _csv_row(self, values: Mapping[str, str], is_comma_decimal: bool) -> Row:
         """A row from texts. Raises ValueError."""
-        names = self.names
+        names, stamp = self.names, _milliseconds(_moment(values["time"]))
         numbers = {name: _number(values.get(name, ""), is_comma_decimal) for name in CSV_NUMBERS}
         state = values.get("state", "").lower()
         driving, charging, is_down = STATES.get(state, (0, 0, False) if state else STATE_UNKNOWN)
@@ -295,7 +295,7 @@ class LineReader:
             raise ValueError("a row without a robot")
         return (
             names.robots[values["robot"]] - 1,
-            _milliseconds(_moment(values["time"])),
+            stamp,
             *(numbers[name] for name in ("x", "y", "theta")),
             UNKNOWN if load is None else 0 if load.lower() in NO_LOAD else names.loads[load],
             *(numbers["charge"], charging, driving, action, 0, 0, is_down, NOT_NUMBERED),

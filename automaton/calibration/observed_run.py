@@ -90,7 +90,8 @@ def write_observed_run(log: StateLog, resolved: Resolved, path: Path) -> Observe
         "first": changes[:at_start],
         "robots": names_of(log, numbers, robots),
         "log": tuple(log.counts.sentences()),
-        "gap": _gap_of(log, tick),
+        # Between two messages, and in a move, the time at which a robot leaves a cell is a guess.
+        "gap": max(_gap_of(log, tick), 2 * max(durations.moves)),
     }
     with ObservedRecorder(path, resolved, observed) as file:
         file.write_ticks(np.stack([line.executed for line in lines], axis=1), changes[at_start:])

@@ -377,7 +377,7 @@ def breaches_of(
     """What the robots of an observed run did against the rules of motion; `show`: the progress.
 
     Between two messages positions are interpolated. So two robots count that are in one cell for longer
-    than it takes from one message to the next, once however long; and swaps within this time.
+    than positions may be wrong, once however long; and swaps within this time.
     """
     playback = Playback(recording.header, recording.stored())
     floor_plan = playback.simulation.resolved.floor_plan

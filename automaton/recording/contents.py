@@ -148,7 +148,7 @@ class _Observed(_Frame):
     first: np.ndarray  # changes that make the state at tick 0
     robots: _Labels  # their names
     log: _Labels  # what was read and what was wrong with it
-    gap: Annotated[int, Meta(ge=1, le=1_000_000)]  # ticks between two messages of a robot, usually
+    gap: Annotated[int, Meta(ge=1, le=1_000_000)]  # ticks by which positions may be wrong
 
 
 class _Header(_Frame):

@@ -175,7 +175,7 @@ def test_two_robots_in_a_cell_and_swaps_are_listed(
     assert main(["verify", str(out)]) == 0
     said = " ".join(capsys.readouterr().out.split())
     assert "two robots that swapped their cells: once, first in tick 4: robots 0 and 1" in said
-    assert "two robots in a cell for one: once, first in tick 9: robots 0 and 1" in said
+    assert "two robots in a cell for one: once, first in tick 10: robots 0 and 1" in said
 
 
 @pytest.mark.parametrize(

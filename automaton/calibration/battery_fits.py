@@ -16,14 +16,14 @@ from automaton.calibration.motion_fits import STILL, FittedValue, RobotTracks
 
 Array = np.ndarray[Any, Any]
 
-FITTED_STATES: Final = ("move", "turn", "pick", "drop", "wait")
+DRAIN_STATES: Final = ("move", "turn", "pick", "drop", "wait")
 WINDOWS_S: Final = (60.0, 3600.0)  # range of the length of windows
 COMMON: Final = 0.05  # share of messages in motion
 RESOLUTION_STEPS: Final = 50
 RESAMPLES: Final = 200
 TRIMS: Final = 2
 OUTLIER: Final = 6.0  # medians of the absolute error
-FLOW_FACTORS: Final = (0.5, 3.0)
+LOAD_FACTORS: Final = (0.5, 3.0)
 MAX_CHARGE_STEPS: Final = 3
 MIN_BIN_SECONDS: Final = 60.0  # of charging, for a rate
 WORTH: Final = 0.05  # a further step must lower the squared error to this share of the variation
@@ -82,7 +82,7 @@ def fit_drains(
         out: Array = np.add.reduceat(one, first)
         return out
 
-    names = [name for name in FITTED_STATES if seconds[name][rows].sum() > 0]
+    names = [name for name in DRAIN_STATES if seconds[name][rows].sum() > 0]
     empty = np.stack(
         [by_window(seconds[name][rows] * (1 - shares.get(name, share))) for name in names], axis=1
     )
@@ -150,7 +150,7 @@ def _solve(
 
     factor = 1.0
     if has_factor:
-        ends = FLOW_FACTORS if near is None else (near - 0.2, near + 0.2)
+        ends = LOAD_FACTORS if near is None else (near - 0.2, near + 0.2)
         factor = float(
             minimize_scalar(residual, bounds=ends, method="bounded", options={"xatol": 1e-4}).x
         )

@@ -29,7 +29,7 @@ MAX_GAPS: Final = 64  # quantiles that stand for all gaps between messages
 MIN_SPREAD: Final = 0.005
 MAX_CV: Final = 5.0
 SHORTEST_S: Final = 0.01
-LEAST_DENSITY: Final = 1e-300  # likelihood of an operation that a family cannot explain
+LEAST_LIKELIHOOD: Final = 1e-300  # likelihood of an operation that a family cannot explain
 QUANTILES: Final = 100  # durations of an empirical distribution
 EM_STEPS: Final = 200
 REJECTED: Final = 0.001  # p below which no family describes the durations
@@ -142,10 +142,10 @@ def negative_log_likelihood(data: Censored, family: Family, mean: float, spread:
     before, observed, after = data.free_before, data.observed, data.free_after
     joint = integral(before + observed + after) - integral(observed + after)
     joint += integral(observed) - integral(before + observed)
-    out = -float(np.log(np.maximum(joint, LEAST_DENSITY)).sum())
+    out = -float(np.log(np.maximum(joint, LEAST_LIKELIHOOD)).sum())
     if len(data.gaps):
         detected = float((data.gaps - integral(data.gaps)).mean())
-        out += data.n * math.log(max(detected, LEAST_DENSITY))
+        out += data.n * math.log(max(detected, LEAST_LIKELIHOOD))
     return out
 
 

@@ -20,7 +20,7 @@ from automaton.world.resolve import Resolved, resolve
 
 Settings = dict[str, Any]
 SAME_WIDTH: Final = 0.2  # relative difference of two uniform distributions with one jitter
-SHOWN_DIGITS: Final = 4
+SETTING_DIGITS: Final = 4
 WIDTH: Final = 100
 
 
@@ -48,7 +48,7 @@ def arguments_of(settings: Settings) -> list[str]:
 
 def rounded(value: float) -> float:
     """A value with four significant digits."""
-    return float(f"{value:.{SHOWN_DIGITS}g}")
+    return float(f"{value:.{SETTING_DIGITS}g}")
 
 
 def with_unit(value: float, unit: str) -> str:

@@ -22,7 +22,7 @@ from automaton.world.resolved import Resolved
 
 Array = np.ndarray[Any, Any]
 
-FEWEST_PAIRS: Final = 100
+MIN_SPEED_PAIRS: Final = 100
 MIN_TURNS: Final = 50
 MIN_OPERATIONS: Final = 384  # mean to within 5 % if the standard deviation is half of it
 MIN_DELAYS: Final = 400
@@ -199,7 +199,7 @@ def _fit_speeds(fitting: Fitting) -> None:
             fitting.usual[chosen] = present
             key = type_key(site, kind, f"durations.move.{'loaded' if loaded else 'empty'}")
             pairs = int((site.pairs.free & chosen).sum())
-            if not fitting.has_enough(key, pairs, FEWEST_PAIRS, "pair of messages"):
+            if not fitting.has_enough(key, pairs, MIN_SPEED_PAIRS, "pair of messages"):
                 continue
             speeds = motion_fits.speed_windows(site.track, site.pairs, chosen)
             if not fitting.has_enough(key, len(speeds), 5, "straight drive"):
@@ -223,7 +223,7 @@ def _name_slow_robots(fitting: Fitting, chosen: Array, usual: float, key: str) -
     site = fitting.site
     for robot, name in enumerate(site.log.robots):
         own = chosen & (site.track.robot == robot)
-        if (site.pairs.free & own).sum() < FEWEST_PAIRS:
+        if (site.pairs.free & own).sum() < MIN_SPEED_PAIRS:
             continue
         speeds = motion_fits.speed_windows(site.track, site.pairs, own)
         if len(speeds) < MIN_TURNS:

@@ -27,7 +27,7 @@ MIN_SLOW_PAIRS: Final = 30
 SLOW_SHARE: Final = 0.05  # below the usual speed
 SHORTEST_DELAY_S: Final = 1.0
 ERRORS: Final = 3  # standard deviations of the stamps that a delay must exceed
-MIDDLE_SHARE: Final = (
+NEAR_MIDDLE: Final = (
     0.25  # cells; a pair counts for an edge if its middle is as near to that of the edge
 )
 
@@ -59,7 +59,7 @@ def slow_stretches(
     for axis, along in enumerate((abs(across) >= abs(down), abs(down) > abs(across))):
         place, line = middle[axis], np.round(middle[1 - axis]).astype(np.int64)
         edge = np.floor(place).astype(np.int64)
-        near = along & (abs(place - edge - 0.5) <= MIDDLE_SHARE)
+        near = along & (abs(place - edge - 0.5) <= NEAR_MIDDLE)
         ends = np.sort(
             np.stack((place, place)) + np.stack((across, down))[axis] * [[-0.5], [0.5]], axis=0
         )

@@ -12,7 +12,7 @@ from automaton.studies.tuning import measure
 from automaton.world.resolved import Resolved
 
 COMPARED: Final = {"throughput": 1, "lead_time": -1}  # power of time, in ticks
-SAME: Final = 0.01  # relative difference below which two models count as one
+SAME_MODEL: Final = 0.01  # relative difference below which two models count as one
 
 
 class Change(NamedTuple):
@@ -25,7 +25,7 @@ class Change(NamedTuple):
     @property
     def matters(self) -> bool:
         """Whether the difference is large enough, and not by chance."""
-        return abs(self.value) >= SAME and not self.low <= 0 <= self.high
+        return abs(self.value) >= SAME_MODEL and not self.low <= 0 <= self.high
 
     def __str__(self) -> str:
         return f"{self.value:+.1%} ({self.low:+.1%} to {self.high:+.1%})"

@@ -258,7 +258,7 @@ def meets_needs(key: str, one: site_fits.Estimate, fits: site_fits.SiteFits) -> 
     if "drain" in key:
         return math.isfinite(one.fit.value)
     least = {
-        "move": site_fits.FEWEST_PAIRS,
+        "move": site_fits.MIN_SPEED_PAIRS,
         "turn": site_fits.MIN_TURNS,
         "mtbf": site_fits.MIN_BREAKDOWNS,
     }

@@ -258,7 +258,7 @@ class _Line:
                 for number in range(1, inner + 1):
                     part = (number - before[2]) / end if end > 0 else 1.0
                     arrival = before[3] + part * (tick - before[3])
-                    if number == inner and to_cell == NIL:  # likewise when it arrived
+                    if number == inner and to_cell == NIL and not stood:  # likewise when it arrives
                         since, way = (before[3], 1 - before[2]) if number == 1 else (left, 1.0)
                         arrival = min(arrival, since + way * self.fleet.move_ticks[is_loaded])
                     if stood:  # when it set out is known to a message only

@@ -42,7 +42,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("logs", nargs="*", type=Path, metavar="LOG", help=text)
     add("--floor", metavar="SCENARIO", help="the scenario of the site: a file, or a shipped name")
     add_settings_argument(parser)
-    text = "a file of orders of at least 4 weeks; without LOG, --out gets the rates of the week"
+    text = "without LOG: a file of orders of at least 4 weeks; --out gets the rates of the week"
     add_orders_arguments(parser, text)
     text = "write the settings to FILE, for --set @FILE"
     add("--out", type=Path, required=True, metavar="FILE", help=text)
@@ -81,6 +81,8 @@ def run(args: argparse.Namespace) -> int:
         if args.orders is None:
             raise InputError("calibrate needs a LOG, or --orders FILE")
         return fit_orders(args)
+    if args.orders is not None:
+        raise InputError("--orders is fitted without a LOG; leave one of them out")
     if args.floor is None:
         raise InputError("a log needs --floor SCENARIO, whose floor the robots drive on")
     check_scipy()

@@ -22,6 +22,7 @@ MESSAGES = "robot,time,x,y\n" + "".join(f"0,{second},{second}.5,0.5\n" for secon
     [
         ("--out f.yaml", "calibrate needs a LOG, or --orders FILE"),
         ("{log} --out f.yaml", "a log needs --floor SCENARIO"),
+        ("{log} --orders {log} --out f.yaml", "--orders is fitted without a LOG"),
         (
             "{log} --floor goods-mini --out f.yaml --actions lift=pick",
             "'lift' is not an operation; use pick, drop or handling",

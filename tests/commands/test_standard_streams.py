@@ -71,6 +71,8 @@ LINES = {
     "serve": "serve crossing --port 0 --no-token",
     "report": "report results",
     "what-if": "what-if crossing changes.yaml --pairs 2 --workers 1",
+    "calibrate": "calibrate day.jsonl --floor site.yaml --out fitted.yaml --pairs 0",
+    "log": "log day.jsonl --floor site.yaml --out real.rec",
     "compare": "compare site.yaml day.jsonl --runs 20 --workers 1 --seed 9",
     "bottlenecks": "bottlenecks crossing --only fleet --most 1 --pairs 2,2 --workers 1",
     "streets": "streets crossing --out found --runs 96 --dry-run --workers 1",

@@ -245,6 +245,13 @@ async def layer_streets(user: Watched) -> None:
 
 
 @check
+async def layer_difference(user: Watched) -> None:
+    await press(user, "layer_difference")
+    text = "this layer compares two recordings: automaton replay REAL.rec SIMULATED.rec"
+    assert text in user.toasts()
+
+
+@check
 async def layer_explored(user: Watched) -> None:
     await press(user, "layer_explored")
     assert "select a robot, and the search for its way is shown" in user.toasts()

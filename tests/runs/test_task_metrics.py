@@ -89,7 +89,7 @@ def ran(tmp_path_factory):
 def demand(resolved, seed):
     floor = floor_for(resolved.floor_plan, "undirected", resolved.fleet.types)
     homes = np.array([resolved.floor_plan.cell(1, 1)])
-    return build_orders(resolved, floor, seed, homes)[:2]
+    return build_orders(resolved, floor, seed, homes, None)[:2]
 
 
 def test_orders_lead_from_docks_to_racks_each_drawn_alike(scenario):

@@ -225,7 +225,7 @@ def test_play_stops_at_both_ends(clock: ManualClock) -> None:
 
 LAYERS = [
     *("visits", "waiting", "congestion", "flow", "streets", "street-waits"),
-    *("service-zones", "traffic-zones"),
+    *("difference", "service-zones", "traffic-zones"),
     *("explored", "predicted"),
 ]
 MOVES = ("flow", "streets")  # show the moves out of a cell
@@ -243,6 +243,7 @@ def test_figures_and_layers(clock: ManualClock) -> None:
     for layer in ("", *LAYERS):
         player.show_layer(layer)
         snapshot = player.settle().snapshots[0]
-        counts = layer_named(layer).heat and not layer_named(layer).arrows
+        shown = layer_named(layer)
+        counts = shown.heat and not shown.arrows and not shown.compares
         assert (snapshot.heat is not None) == counts == (layer in COUNTING)
         assert (snapshot.flow is not None) == (layer in MOVES)

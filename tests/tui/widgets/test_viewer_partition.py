@@ -327,7 +327,7 @@ def test_a_picture_of_a_recording_shows_the_zones_that_robots_serve(tmp_path: Pa
     file, out = tmp_path / "run.rec", tmp_path / "zones.txt"
     assert main(["run", "factory", "--until", "40", "--record", str(file), "--json"]) == 0
     request = Request(layer="service-zones", color="none", ascii=True, size=(100, 40))
-    make_picture(file, request, out, 20)
+    make_picture([file], request, out, 20)
     drawn = out.read_text()
     assert "d zone 1  e zone 2  f zone 3  T transfer station" in drawn
     assert "eeeeeee" in drawn and drawn.count("T") > 3

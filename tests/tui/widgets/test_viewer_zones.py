@@ -318,7 +318,7 @@ def test_a_picture_of_a_recording_shows_them(layer: str, recording: Path) -> Non
     plain, laid = recording.with_suffix(".txt"), recording.with_name(f"{layer}.txt")
     for out, name in ((plain, ""), (laid, layer)):
         request = Request(layer=name, follow=1, color="none", ascii=True, zoom="1x1")
-        make_picture(recording, request, out, 30)
+        make_picture([recording], request, out, 30)
     before, after = plain.read_text().splitlines(), laid.read_text().splitlines()
     assert f"{layer}  robot 1" in after[-3] + after[-2] + after[-1]
     assert before[:-2] != after[: len(before) - 2]
@@ -328,7 +328,7 @@ def test_a_picture_of_a_recording_shows_them(layer: str, recording: Path) -> Non
 
 def test_a_drawing_of_zones_says_what_its_letters_mean(recording: Path) -> None:
     out = recording.with_name("zones.svg")
-    make_picture(recording, Request(layer="traffic-zones", size=(80, 24)), out, 30)
+    make_picture([recording], Request(layer="traffic-zones", size=(80, 24)), out, 30)
     words = re.findall(r"<text[^>]*>([^<]*)</text>", out.read_text())
     assert "a tint or letter (d e f) for each zone" in words and "touching ones differ" in words
 

@@ -1,4 +1,4 @@
-"""Speeds, turns, slow stretches and delays of robots, from where they were at each message.
+"""Speeds and turns of robots, from where they were at each message.
 
     message       o----------o----------o----------o          time that a turn takes: time between
     heading       >          >          v          v          two messages in motion, less the path

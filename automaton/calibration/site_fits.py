@@ -33,7 +33,7 @@ OPERATIONS: Final = {"pick": "pick", "drop": "drop", "handling": "serve"}  # act
 
 
 class Thresholds(NamedTuple):
-    """Guesses that a user may replace."""
+    """Guesses: how much slower than usual a slow stretch is, and the shortest delay that counts."""
 
     slow_share: float = stop_fits.SLOW_SHARE
     shortest_delay_s: float = stop_fits.SHORTEST_DELAY_S

@@ -20,6 +20,7 @@ from automaton.calibration.motion_fits import (
     RobotTracks,
     median_fit,
 )
+from automaton.calibration.state_log import MAX_GAP_MS
 
 Array = np.ndarray[Any, Any]
 
@@ -177,7 +178,7 @@ def fit_breakdowns(track: RobotTracks, down: Array, gaps: Array, error: float) -
     linked = np.append(track.robot[1:] == track.robot[:-1], False)
     begins = np.flatnonzero(linked[:-1] & ~down[:-1] & down[1:]) + 1
     ends = np.flatnonzero(np.append(linked[:-1] & down[:-1] & ~down[1:], False))
-    up = float(seconds[linked & ~down & (seconds <= 30)].sum())
+    up = float(seconds[linked & ~down & (seconds <= MAX_GAP_MS / 1000)].sum())
     rows, towed = [], 0
     for begin in begins.tolist():
         place = int(np.searchsorted(ends, begin))

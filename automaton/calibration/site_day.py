@@ -17,7 +17,7 @@ import msgspec
 import numpy as np
 
 from automaton.calibration.fleet_trace import FleetTrace, trace_of_log
-from automaton.calibration.log_on_floor import Placed, placed
+from automaton.calibration.log_on_floor import RobotTracks, placed
 from automaton.calibration.state_log import StateLog, read_log
 from automaton.errors import InputError
 from automaton.floor.floor_plan import CELL_KINDS, NIL, FloorPlan
@@ -238,7 +238,7 @@ def order_names(transports: Mapping[str, Any], path: Path) -> list[str]:
 
 
 def recovered_orders(
-    log: StateLog, place: Placed, floor_plan: FloorPlan, begin: int, tick: float, file: str
+    log: StateLog, place: RobotTracks, floor_plan: FloorPlan, begin: int, tick: float, file: str
 ) -> DayOrders:
     """The orders that a log shows from their beginning to their end. Raises InputError for too few."""
     gives, takes = slots_at(floor_plan)
@@ -308,14 +308,14 @@ def ends_of_orders(log: StateLog) -> Iterator[tuple[int, OrderEnds]]:
                 yield code - 1, OrderEnds(*times, pick, drop)
 
 
-def is_after(place: Placed, rows: Sequence[int], slots: Mapping[int, int]) -> bool:
+def is_after(place: RobotTracks, rows: Sequence[int], slots: Mapping[int, int]) -> bool:
     """Whether loads change at the begin of picks or drops, so that robots are still there afterwards."""
     before = sum(int(place.cell[row]) in slots for row in rows)
     return sum(int(place.cell[row + 1]) in slots for row in rows) > before
 
 
 def cells_at(
-    log: StateLog, place: Placed, row: int, is_late: bool, other: int = 0
+    log: StateLog, place: RobotTracks, row: int, is_late: bool, other: int = 0
 ) -> tuple[int, ...]:
     """The cells where a load may have changed between a message and the next, the likeliest first.
 

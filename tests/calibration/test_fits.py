@@ -13,9 +13,10 @@ from automaton.calibration import duration_fits, site_fits, stop_fits
 from automaton.calibration.battery_fits import fit_charging
 from automaton.calibration.duration_fits import FAMILIES, DurationFit, fit_durations, fit_family
 from automaton.calibration.fitted_settings import arguments_of, largest_tick, settings_of
+from automaton.calibration.log_on_floor import placed
 from automaton.calibration.motion_fits import core, median_fit
-from automaton.calibration.site_fits import SiteFits, fit_site, site_of, type_of_robots
-from automaton.calibration.state_log import LogCounts, Samples, StateLog
+from automaton.calibration.site_fits import SiteFits, fit_site
+from automaton.calibration.state_log import LogCounts, Samples, StateLog, numbers_of_robots
 from automaton.world.resolve import resolve
 
 LENGTH = 20  # cells of the lane
@@ -101,7 +102,7 @@ def log_of(
 
 
 def fits_of(log: StateLog) -> SiteFits:
-    return fit_site(site_of(log, resolve(SCENARIO)))
+    return fit_site(log, resolve(SCENARIO))
 
 
 @pytest.fixture(scope="module")
@@ -201,24 +202,18 @@ def test_breakdowns_have_an_exact_poisson_interval() -> None:
 def test_charging_slows_down_where_the_log_shows_it() -> None:
     seconds = np.arange(0.0, 9000, 2)
     charge = np.minimum(20 + seconds / 100, 80 + (seconds - 6000) / 300)
-    log = log_of(
-        seconds,
-        seconds * 0 + 0.5,
-        seconds * 0,
-        seconds * 0,
-        charge,
-        seconds > 1e9,
-        seconds * 0,
-        seconds * 0,
-    )
-    track = site_of(log, resolve(SCENARIO)).track
-    (_, fast), (start, slow) = fit_charging(track, charge, np.ones(len(seconds), bool))
+    none = seconds * 0
+    log = log_of(seconds, none + 0.5, none, none, charge, none > 0, none, none)
+    log = log._replace(samples=log.samples._replace(charging=np.ones(len(seconds), np.int8)))
+    lane = resolve(SCENARIO)
+    track = placed(log, lane.floor_plan, lane.scenario.units)
+    (_, fast), (start, slow) = fit_charging(track)
     assert (fast, slow, start) == pytest.approx((0.01, 1 / 300, 80), rel=0.02)
 
 
 def test_names_of_robots_that_are_numbers_tell_their_types() -> None:
-    assert type_of_robots(("3", "0"), (2, 2)).tolist() == [1, 0]
-    assert type_of_robots(("west", "east"), (1, 1)).tolist() == [1, 0]
+    assert numbers_of_robots(("3", "0"), 4).tolist() == [3, 0]
+    assert numbers_of_robots(("agv-10", "agv-9", "agv-1"), 4).tolist() == [2, 1, 0]
 
 
 def test_operations_are_those_of_vda_5050_by_default() -> None:

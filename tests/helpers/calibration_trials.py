@@ -161,7 +161,7 @@ def try_sites(number: int) -> int:
         site = drawn_site(seed)
         with tempfile.TemporaryDirectory() as folder:
             log = log_of(site, Path(folder))
-        fits = site_fits.fit_site(site_fits.site_of(log, resolve(site.scenario)))
+        fits = site_fits.fit_site(log, resolve(site.scenario))
         for key, true in site.truth.items():
             if key not in fits.estimates:
                 print(f"site {seed}: {key} not fitted")
@@ -228,7 +228,7 @@ def try_thinned(number: int) -> int:
     rng = np.random.default_rng(1)
     wrong, said = 0, 0
     for _ in range(number):
-        fits = site_fits.fit_site(site_fits.site_of(thinned(log, rng), resolved))
+        fits = site_fits.fit_site(thinned(log, rng), resolved)
         for key, one in fits.estimates.items():
             said += 1
             wrong += not meets_needs(key, one, fits)

@@ -22,11 +22,12 @@ Array = np.ndarray[Any, Any]
 
 DRAIN_STATES: Final = ("move", "turn", "pick", "drop", "wait")
 HANDLING: Final = ("pick", "drop")
-MAX_WIDTH: Final = 0.2  # of an interval, relative to the value: picks and drops are told apart
-MIN_WINDOWS: Final = 100
-WINDOWS_S: Final = (60.0, 3600.0)  # range of the length of windows
+MAX_WIDTH: Final = 0.1  # of an interval, relative to the value: picks and drops are told apart
+MIN_WINDOWS: Final = 20
+WINDOW_S: Final = 60.0  # between the begins of windows, about
+LONG_WINDOW_S: Final = 300.0  # if these may cut an operation
+ROUNDED: Final = 0.25  # share of pairs with a change of charge, below which it is rounded
 COMMON: Final = 0.05  # share of messages in motion
-RESOLUTION_STEPS: Final = 50
 RESAMPLES: Final = 200
 TRIMS: Final = 2
 OUTLIER: Final = 6.0  # medians of the absolute error
@@ -94,7 +95,7 @@ def fit_drains(
     errors: Mapping[str, tuple[float, float]],
     seed: int = 0,
 ) -> DrainFit | None:
-    """The energy use, from the `seconds` of each state; None: the log has no charge.
+    """The energy use, from the `seconds` of each state; None: too few windows.
 
     `errors`: relative standard errors of the seconds of a state, without a load and with one.
     """
@@ -104,14 +105,14 @@ def fit_drains(
     rows = np.flatnonzero(track.usable & ~off & ~np.append(off[1:], True) & np.isfinite(change))
     if not len(rows):
         return None
-    begins = window_begins(track, window_seconds(change[rows], track.seconds))[rows]
+    begins = window_begins(track, change, rows)[rows]
     breaks = np.diff(rows, prepend=-1) > 1
     first = np.flatnonzero(begins | breaks)
     lost = np.add.reduceat(change[rows], first)
     # Windows that begin or end elsewhere, as at a charger, cut an operation.
     is_complete = begins[first] & np.append((begins & ~breaks)[first[1:]], False)
     if is_complete.sum() < MIN_WINDOWS:
-        is_complete[:] = True
+        return None
     table = {
         name: np.add.reduceat(one[:, rows], first, axis=1)[:, is_complete]
         for name, one in seconds.items()
@@ -160,32 +161,26 @@ def _fit_table(
     return DrainFit(drains, fits[-1] if has_factor else None, HANDLING in groups)
 
 
-def window_seconds(change: Array, seconds: Array) -> float:
-    """The length of windows in which the charge falls by many steps of its resolution."""
-    steps = abs(change[change != 0])
-    if not len(steps):
-        return WINDOWS_S[1]
-    elapsed = float(np.median(np.diff(seconds))) * len(change)
-    rate = float(steps.sum()) / max(elapsed, 1.0)
-    return float(np.clip(RESOLUTION_STEPS * float(steps.min()) / rate, *WINDOWS_S))
+def window_begins(track: RobotTracks, change: Array, rows: Array) -> Array:
+    """(n,) bool: messages at which windows begin; `change`: (n,) loss of charge until the next message.
 
-
-def window_begins(track: RobotTracks, length: float) -> Array:
-    """(n,) bool: messages at which windows begin, in motion and at the centre of a cell.
-
-    So no operation belongs to two windows, and no move of a simulated robot, which uses its energy as it
-    begins.
+    That is in motion at the centre of a cell, so that no operation belongs to two windows, and no move of
+    a simulated robot, which uses its energy as it begins. If the charge is rounded, so that few of the
+    pairs in `rows` show a change, it is where the rounded charge changes: only there it is exact.
     """
-    moving = track.driving & ~track.acts
-    at_centre = (track.place % 1 == 0).all(axis=0)
-    is_common = (moving & at_centre).sum() > COMMON * moving.sum()
-    candidates = np.flatnonzero(moving & at_centre if is_common else moving)
+    if np.count_nonzero(change[rows]) < ROUNDED * len(rows):
+        candidates, length = rows[change[rows] != 0] + 1, LONG_WINDOW_S
+    else:
+        moving, length = track.driving & ~track.acts, WINDOW_S
+        at_centre = moving & (track.place % 1 == 0).all(axis=0)
+        candidates = np.flatnonzero(
+            at_centre if at_centre.sum() > COMMON * moving.sum() else moving
+        )
     number = np.floor(track.seconds[candidates] / length)
-    is_new = np.append(
-        True, (np.diff(number) != 0) | (np.diff(track.log.samples.robot[candidates]) != 0)
-    )
-    out = np.zeros(len(track.seconds), bool)
-    out[candidates[is_new[: len(candidates)]]] = True
+    robot = track.log.samples.robot[candidates]
+    is_new = (np.diff(number, prepend=-1) != 0) | (np.diff(robot, prepend=-1) != 0)
+    out = np.zeros(len(change), np.bool_)
+    out[candidates[is_new]] = True
     return out
 
 

@@ -338,11 +338,19 @@ def _fit_battery(fitting: Fitting, turns: Array) -> tuple[tuple[float, float], .
     errors = {name: (error(name), error(name)) for name in ("turn", *seconds)}
     errors["move"] = error("move.empty"), error("move.loaded")
     fit = battery_fits.fit_drains(track, states, errors)
+    if fit is None:
+        least = battery_fits.MIN_WINDOWS
+        fitting.unsaid.append(f"battery.drain: the charge changes in fewer than {least} stretches")
     battery = fitting.types[0].battery
     shortest = {"turn": float(turns.min()), **{k: float(one.min()) for k, one in seconds.items()}}
     for name, drain in (fit.drains if fit else {}).items():
         key = f"battery.drain.{name}"
         if not fitting.is_long_enough(key, shortest.get(name, math.inf)):
+            continue
+        if drain.high - drain.low > drain.value:
+            low, high = drain.low * HOUR, drain.high * HOUR
+            text = f"{key}: {low:.3g} to {high:.3g} %/h, not told apart from other states"
+            fitting.unsaid.append(text)
             continue
         present = getattr(battery.drain, name) * HOUR / fitting.tick if battery else None
         is_joint = fit is not None and fit.is_joint and name in battery_fits.HANDLING

@@ -44,7 +44,7 @@ from automaton.strategy.api import (
     opens_soon,
     splitmix64,
 )
-from strategies.right_of_way.pibt.options import option_of, rank_all_options
+from strategies.right_of_way.pibt.options import option_of, rank_all_options, turns_to
 from strategies.right_of_way.pibt.pibt_state import (
     MODE_DECIDED,
     MODE_FIXED,
@@ -58,10 +58,12 @@ from strategies.right_of_way.pibt.pibt_state import (
     empty_dead_ends,
     has_to_leave,
     holder_of,
+    is_across,
     is_for_two,
     is_lane_free,
     own_resource,
     reserve,
+    reserve_ahead,
     reserve_other_lane,
     reserver_of,
     resource_in,
@@ -211,7 +213,7 @@ def look_where_it_goes(view, state, i):
         state.begun[i] = 0
     if state.mode[i] == MODE_LEAVING:
         to = np.int64(state.next[i])
-        reserve(state, resource_in(view, to, direction_between(view.grid, cell, to)), i)
+        reserve_ahead(view, state, i, to, direction_between(view.grid, cell, to))
 
 
 @kernel
@@ -220,8 +222,8 @@ def let_choose(view, state, i):
     has_left = view.robots.cell[i] == NIL
     if has_left or not (is_at_goal(view, i) or is_in_own_queue(view, i)):
         state.mode[i] = MODE_UNDECIDED
-        if state.holds_back and not has_left and stands_across(view, state, i):
-            reserve_other_lane(view, state, i)  # it has begun a U-turn
+        if not has_left and stands_across(view, state, i):
+            reserve_other_lane(view, state, i)
     else:
         state.begun[i] = 0
         state.turning[i] = 0
@@ -231,10 +233,12 @@ def let_choose(view, state, i):
 def stands_across(view, state, i):
     """Whether robot i, in an aisle for two, faces neither way and may turn on the other lane."""
     robots = view.robots
-    cell, travel = np.int64(robots.cell[i]), np.int64(robots.travel[i])
-    turns = headings_of(view.grid, robots.type[i]) > 1
-    if not turns or not is_for_two(view, cell) or (robots.heading[i] ^ travel) & 1 == 0:
+    cell, heading = np.int64(robots.cell[i]), np.int64(robots.heading[i])
+    if headings_of(view.grid, robots.type[i]) == 1 or not is_for_two(view, cell):
         return False
+    if not is_across(view, i, cell, heading):
+        if state.holds_back == 0 or (heading ^ robots.travel[i]) & 1 == 0:
+            return False
     return is_lane_free(view, state, i)
 
 
@@ -479,6 +483,9 @@ def give_commands(view, batch, decisions, state):
                 state.turning[U(i)] = direction + 1
             elif state.holds_back and not departs(view, state, i):
                 hold_back(view, state, out, k, i)
+        elif turns_meanwhile(view, state, i):
+            out.command[U(k)] = CMD_GO
+            out.value[U(k)] = option_of(state, i, 0)
         elif state.asks[U(i)] and may_turn_to(view, state, i, np.int64(state.asks[U(i)]) - 1):
             out.command[U(k)] = CMD_GO
             out.value[U(k)] = state.asks[U(i)] - 1
@@ -486,6 +493,16 @@ def give_commands(view, batch, decisions, state):
             out.command[k] = CMD_HOLD
             best = option_of(state, i, 0)
             out.value[k] = NIL if best >= STAY_OPTION else best
+
+
+@kernel
+def turns_meanwhile(view, state, i):
+    """Whether robot i turns while it waits, since it stands across both lanes of a cell for two."""
+    cell, heading = np.int64(view.robots.cell[U(i)]), np.int64(view.robots.heading[U(i)])
+    best = option_of(state, i, 0)
+    if best >= STAY_OPTION or turns_to(view, i, best) == 0:
+        return False
+    return is_across(view, i, cell, heading) and is_lane_free(view, state, i)
 
 
 @kernel

@@ -15,8 +15,10 @@ from automaton.strategy.api import (
     DistanceTables,
     Struct,
     field,
+    headings_of,
     kernel,
     lane_of,
+    with_load,
 )
 from strategies.right_of_way.steering import Deadlocks, ServiceAreas
 
@@ -184,6 +186,29 @@ def is_lane_free(view, state, i):
         return False
     comer = reserver_of(state, resource_in(view, cell, travel ^ 2))
     return comer == NIL or comer == i
+
+
+@kernel
+def is_across(view, i, cell, heading):
+    """Whether robot i would stand across a cell for two: no way leads on in its heading.
+
+    Then it needs both lanes until it has turned, or has driven into the storage ahead.
+    """
+    grid, robot_type = view.grid, with_load(view, np.int64(view.robots.type[U(i)]))
+    if not is_for_two(view, cell) or headings_of(grid, robot_type) == 1:
+        return False
+    if (np.int64(grid.type_cell_flags[U(robot_type), U(cell)]) >> heading) & 1 == 0:
+        return True
+    ahead = cell + grid.offset[U(heading)]
+    return np.int64(grid.type_cell_flags[U(robot_type), U(ahead)]) & NO_WAY_THROUGH != 0
+
+
+@kernel
+def reserve_ahead(view, state, i, cell, direction):
+    """Reserve the lane of robot i in the cell that it enters, or both if it stands across there."""
+    reserve(state, resource_in(view, cell, direction), i)
+    if is_across(view, i, cell, direction):
+        reserve(state, resource_in(view, cell, direction ^ 2), i)
 
 
 @kernel

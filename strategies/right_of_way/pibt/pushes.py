@@ -24,10 +24,12 @@ from strategies.right_of_way.pibt.pibt_state import (
     STAY_OPTION,
     U,
     holder_of,
-    is_lane_free,
+    is_across,
+    is_for_two,
     may_enter,
     own_resource,
     reserve,
+    reserve_ahead,
     reserve_other_lane,
     reserver_of,
     resource_in,
@@ -36,6 +38,7 @@ from strategies.right_of_way.steering import at_once_ticks, comes_to_charge, lac
 
 SETTLED = -1  # results of take_option, besides the robot that must make way
 FAILED = -2
+IS_EMPTY = -3  # a result of clear_lane
 NOT_ASKED = 0  # state.departs
 GOES = 1
 IS_BEHIND = 2
@@ -53,6 +56,7 @@ def push(view, state, first):
     depth = 1
     while depth:
         i = np.int64(state.stack[U(depth - 1)])
+        give_lanes_back(view, state, i)
         pushed = take_option(view, state, i, depth)
         if pushed == SETTLED:
             return True
@@ -73,7 +77,6 @@ def take_option(view, state, i, depth):
     Robot i is the last of this number of robots that push each other.
     """
     cell = np.int64(view.robots.cell[U(i)])
-    must_turn = False  # for options that are better than to stay
     while True:
         place = np.int64(state.option_next[U(i)])
         option = option_of(state, i, place)
@@ -81,7 +84,7 @@ def take_option(view, state, i, depth):
             return FAILED
         state.option_next[U(i)] = place + 1
         if option == STAY_OPTION:
-            if must_turn and waits_in_vain_to_turn(view, state, i):
+            if waits_in_vain_to_turn(view, state, i):
                 continue
             comer = reserver_of(state, own_resource(view, i))
             if comer == NIL or comer == i:
@@ -89,9 +92,12 @@ def take_option(view, state, i, depth):
                 return SETTLED
             continue
         turns = turns_to(view, i, option) > 0
-        if turns and not is_lane_free(view, state, i):
-            must_turn = True
-            continue
+        if turns and is_for_two(view, cell):
+            in_way = clear_lane(view, state, i, cell, np.int64(view.robots.travel[U(i)]) ^ 2)
+            if in_way == FAILED:
+                continue
+            if in_way != IS_EMPTY:
+                return in_way
         to = cell + view.grid.offset[U(option)]
         gate = gate_before(view, i, to)
         if gate != NIL:  # it requests the gate, and stays meanwhile
@@ -111,13 +117,63 @@ def take_option(view, state, i, depth):
             continue
         if closes_ring(view, state, i, resource) and not may_rotate(view, state, depth):
             continue
-        reserve(state, resource, i)
+        if is_across(view, i, to, option):
+            in_way = clear_lane(view, state, i, to, option ^ 2)
+            if in_way == FAILED:
+                continue
+            if in_way != IS_EMPTY:
+                return in_way
+        reserve_ahead(view, state, i, to, option)
         if turns:
             reserve_other_lane(view, state, i)
         state.next[U(i)] = to
         if holder != NIL and holder != i and state.mode[U(holder)] == MODE_UNDECIDED:
             return holder
         return SETTLED
+
+
+@kernel
+def clear_lane(view, state, i, cell, direction):
+    """Clear the second lane of a cell for two, in which robot i turns or will stand across.
+
+    Two robots that stand across would wait for each other for ever. Returns IS_EMPTY if the lane
+    is empty; otherwise robot i waits, and the result is that of `take_option`.
+    """
+    lane, own = resource_in(view, cell, direction), own_resource(view, i)
+    comer, u = reserver_of(state, lane), holder_of(view, cell, direction)
+    if comer != NIL and comer != i:
+        return FAILED
+    if u == NIL or u == i:
+        return IS_EMPTY
+    comer = reserver_of(state, own)
+    leaves = state.mode[U(u)] == MODE_UNDECIDED or state.next[U(u)] != cell
+    if not leaves or (comer != NIL and comer != i):
+        return FAILED
+    reserve(state, lane, i)
+    stay(view, state, i)
+    return u if state.mode[U(u)] == MODE_UNDECIDED else SETTLED
+
+
+@kernel
+def give_lanes_back(view, state, i):
+    """Release the lanes that robot i reserved for its last option, which failed."""
+    place = np.int64(state.option_next[U(i)])
+    option = option_of(state, i, place - 1) if place else np.int64(STAY_OPTION)
+    if option >= STAY_OPTION:
+        return
+    cell, heading = np.int64(view.robots.cell[U(i)]), np.int64(view.robots.heading[U(i)])
+    to = cell + view.grid.offset[U(option)]
+    release(view, state, i, to, option)
+    release(view, state, i, to, option ^ 2)
+    if not is_across(view, i, cell, heading):
+        release(view, state, i, cell, np.int64(view.robots.travel[U(i)]) ^ 2)
+
+
+@kernel
+def release(view, state, i, cell, direction):
+    lane = resource_in(view, cell, direction)
+    if is_for_two(view, cell) and reserver_of(state, lane) == i:
+        state.reserved[U(lane)] = 0
 
 
 @kernel
@@ -130,6 +186,8 @@ def stay(view, state, i):
 def would_swap(view, state, i, to, holder):
     """Whether robot i and a robot that moves from this cell into its own would swap cells."""
     cell = np.int64(view.robots.cell[U(i)])
+    if state.rings and is_for_two(view, cell) and is_for_two(view, to):
+        return False  # each has its lane
     if holder != NIL and state.mode[U(holder)] != MODE_UNDECIDED and state.next[U(holder)] == cell:
         return True
     comer = reserver_of(state, own_resource(view, i))

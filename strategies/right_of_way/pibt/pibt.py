@@ -36,7 +36,6 @@ from automaton.strategy.api import (
     direction_between,
     gate_before,
     has_gates,
-    headings_of,
     is_facing,
     is_in_full_gate,
     is_in_own_queue,
@@ -58,8 +57,8 @@ from strategies.right_of_way.pibt.pibt_state import (
     empty_dead_ends,
     has_to_leave,
     holder_of,
+    holds_both_lanes,
     is_across,
-    is_for_two,
     is_lane_free,
     own_resource,
     reserve,
@@ -222,24 +221,11 @@ def let_choose(view, state, i):
     has_left = view.robots.cell[i] == NIL
     if has_left or not (is_at_goal(view, i) or is_in_own_queue(view, i)):
         state.mode[i] = MODE_UNDECIDED
-        if not has_left and stands_across(view, state, i):
+        if not has_left and holds_both_lanes(view, i) and is_lane_free(view, state, i):
             reserve_other_lane(view, state, i)
     else:
         state.begun[i] = 0
         state.turning[i] = 0
-
-
-@kernel
-def stands_across(view, state, i):
-    """Whether robot i, in an aisle for two, faces neither way and may turn on the other lane."""
-    robots = view.robots
-    cell, heading = np.int64(robots.cell[i]), np.int64(robots.heading[i])
-    if headings_of(view.grid, robots.type[i]) == 1 or not is_for_two(view, cell):
-        return False
-    if not is_across(view, i, cell, heading):
-        if state.holds_back == 0 or (heading ^ robots.travel[i]) & 1 == 0:
-            return False
-    return is_lane_free(view, state, i)
 
 
 # Order of choice.

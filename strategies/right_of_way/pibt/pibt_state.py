@@ -204,6 +204,18 @@ def is_across(view, i, cell, heading):
 
 
 @kernel
+def holds_both_lanes(view, i):
+    """Whether robot i stands across a cell for two, or faces against the lane in which it stands."""
+    cell, heading = np.int64(view.robots.cell[U(i)]), np.int64(view.robots.heading[U(i)])
+    if not is_for_two(view, cell):
+        return False
+    is_in_other_lane = (heading ^ np.int64(view.robots.travel[U(i)])) & 2 != 0
+    if is_in_other_lane and headings_of(view.grid, view.robots.type[U(i)]) == 4:
+        return True
+    return is_across(view, i, cell, heading)
+
+
+@kernel
 def reserve_ahead(view, state, i, cell, direction):
     """Reserve the lane of robot i in the cell that it enters, or both if it stands across there."""
     reserve(state, resource_in(view, cell, direction), i)

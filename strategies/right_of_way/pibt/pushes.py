@@ -24,6 +24,7 @@ from strategies.right_of_way.pibt.pibt_state import (
     STAY_OPTION,
     U,
     holder_of,
+    holds_both_lanes,
     is_across,
     is_for_two,
     may_enter,
@@ -111,6 +112,8 @@ def take_option(view, state, i, depth):
         resource = resource_in(view, to, option)
         other = reserver_of(state, resource)
         if other != NIL and other != i:
+            if is_to_make_way(view, state, other, to):
+                return wait_for(view, state, i, other)
             continue
         holder = holder_of(view, to, option)
         if would_swap(view, state, i, to, holder) or not may_enter(view, state, i, to):
@@ -139,18 +142,33 @@ def clear_lane(view, state, i, cell, direction):
     Two robots that stand across would wait for each other for ever. Returns IS_EMPTY if the lane
     is empty; otherwise robot i waits, and the result is that of `take_option`.
     """
-    lane, own = resource_in(view, cell, direction), own_resource(view, i)
-    comer, u = reserver_of(state, lane), holder_of(view, cell, direction)
+    lane, u = resource_in(view, cell, direction), holder_of(view, cell, direction)
+    comer = reserver_of(state, lane)
     if comer != NIL and comer != i:
-        return FAILED
+        return (
+            wait_for(view, state, i, comer) if is_to_make_way(view, state, comer, cell) else FAILED
+        )
     if u == NIL or u == i:
         return IS_EMPTY
-    comer = reserver_of(state, own)
-    leaves = state.mode[U(u)] == MODE_UNDECIDED or state.next[U(u)] != cell
-    if not leaves or (comer != NIL and comer != i):
+    if state.mode[U(u)] != MODE_UNDECIDED and state.next[U(u)] == cell:
         return FAILED
     reserve(state, lane, i)
-    stay(view, state, i)
+    return wait_for(view, state, i, u)
+
+
+@kernel
+def is_to_make_way(view, state, u, cell):
+    """Whether robot u, which has reserved a lane of a cell for two, is in it and can be pushed."""
+    is_there = is_for_two(view, cell) and view.robots.cell[U(u)] == cell
+    return is_there and state.mode[U(u)] == MODE_UNDECIDED
+
+
+@kernel
+def wait_for(view, state, i, u):
+    """Let robot i wait until robot u has left a cell for two; returns u if it must make way."""
+    state.next[U(i)] = view.robots.cell[U(i)]
+    if reserver_of(state, own_resource(view, i)) == NIL:
+        reserve(state, own_resource(view, i), i)  # else the robot that pushes it waits, too
     return u if state.mode[U(u)] == MODE_UNDECIDED else SETTLED
 
 
@@ -161,11 +179,11 @@ def give_lanes_back(view, state, i):
     option = option_of(state, i, place - 1) if place else np.int64(STAY_OPTION)
     if option >= STAY_OPTION:
         return
-    cell, heading = np.int64(view.robots.cell[U(i)]), np.int64(view.robots.heading[U(i)])
+    cell = np.int64(view.robots.cell[U(i)])
     to = cell + view.grid.offset[U(option)]
     release(view, state, i, to, option)
     release(view, state, i, to, option ^ 2)
-    if not is_across(view, i, cell, heading):
+    if not holds_both_lanes(view, i):
         release(view, state, i, cell, np.int64(view.robots.travel[U(i)]) ^ 2)
 
 

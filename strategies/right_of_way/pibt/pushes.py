@@ -152,7 +152,6 @@ def clear_lane(view, state, i, cell, direction):
         return IS_EMPTY
     if state.mode[U(u)] != MODE_UNDECIDED and state.next[U(u)] == cell:
         return FAILED
-    reserve(state, lane, i)
     return wait_for(view, state, i, u)
 
 
@@ -166,6 +165,7 @@ def is_to_make_way(view, state, u, cell):
 @kernel
 def wait_for(view, state, i, u):
     """Let robot i wait until robot u has left a cell for two; returns u if it must make way."""
+    reserve(state, own_resource(view, u), i)
     state.next[U(i)] = view.robots.cell[U(i)]
     if reserver_of(state, own_resource(view, i)) == NIL:
         reserve(state, own_resource(view, i), i)  # else the robot that pushes it waits, too

@@ -210,6 +210,8 @@ def look_where_it_goes(view, state, i):
         if waits_at_gate and view.rules.radius == NIL:  # it turns to the gate and keeps its cell
             reserve(state, own_resource(view, i), i)
         state.begun[i] = 0
+    if claim in (NIL, cell) and holds_both_lanes(view, i) and is_lane_free(view, state, i):
+        reserve_other_lane(view, state, i)
     if state.mode[i] == MODE_LEAVING:
         to = np.int64(state.next[i])
         reserve_ahead(view, state, i, to, direction_between(view.grid, cell, to))
@@ -218,11 +220,8 @@ def look_where_it_goes(view, state, i):
 @kernel
 def let_choose(view, state, i):
     """Let free robot i choose, unless it is where it has work, or in the queue there."""
-    has_left = view.robots.cell[i] == NIL
-    if has_left or not (is_at_goal(view, i) or is_in_own_queue(view, i)):
+    if view.robots.cell[i] == NIL or not (is_at_goal(view, i) or is_in_own_queue(view, i)):
         state.mode[i] = MODE_UNDECIDED
-        if not has_left and holds_both_lanes(view, i) and is_lane_free(view, state, i):
-            reserve_other_lane(view, state, i)
     else:
         state.begun[i] = 0
         state.turning[i] = 0

@@ -182,7 +182,7 @@ def is_lane_free(view, state, i):
     cell, travel = np.int64(view.robots.cell[U(i)]), np.int64(view.robots.travel[U(i)])
     if not is_for_two(view, cell):
         return True
-    if holder_of(view, cell, travel ^ 2) != NIL:
+    if holder_of(view, cell, travel ^ 2) not in (NIL, i):
         return False
     comer = reserver_of(state, resource_in(view, cell, travel ^ 2))
     return comer == NIL or comer == i

@@ -19,6 +19,7 @@ from automaton.strategy.api import (
 from strategies.right_of_way.pibt.options import option_of, turns_to, waits_in_vain_to_turn
 from strategies.right_of_way.pibt.pibt_state import (
     MODE_DECIDED,
+    MODE_LEAVING,
     MODE_UNDECIDED,
     NO_OPTION,
     STAY_OPTION,
@@ -150,9 +151,9 @@ def clear_lane(view, state, i, cell, direction):
         )
     if u == NIL or u == i:
         return IS_EMPTY
-    if state.mode[U(u)] != MODE_UNDECIDED and state.next[U(u)] == cell:
-        return FAILED
-    return wait_for(view, state, i, u)
+    if state.mode[U(u)] == MODE_UNDECIDED or state.mode[U(u)] == MODE_LEAVING:
+        return wait_for(view, state, i, u)
+    return FAILED
 
 
 @kernel

@@ -150,6 +150,7 @@ class Pibt(Strategy):
             dead_ends=ends.total,
             holds_back=int(waits),
             rings=int(not waits or view.rules.following == FOLLOWING_CONVOY),
+            lanes=int((view.grid.cell_flags >> 5 & 3 == 2).any()),
             service_areas=service_areas_of(view),
             guided=int(guided),
             fixed_ties=int(self.parameters.ties == "fixed"),

@@ -52,6 +52,7 @@ class PibtState(Struct):
         role=STATIC,
     )
     rings: int = field("int64", "1: robots that push each other in a ring all move", role=STATIC)
+    lanes: int = field("int64", "1: some cells are for two robots", role=STATIC)
     guided: int = field(
         "int64", "1: costs are from `tables`, 0: by streets, else ticks", role=STATIC
     )

@@ -224,15 +224,19 @@ def closes_ring(view, state, i, resource):
 def may_rotate(view, state, depth):
     """Whether a ring of all robots on the stack moves, if the last one takes the place of the first.
 
-    It does not if rings never rotate, if a robot in it comes to charge, or if its first robot must step
-    aside. If all moves take one tick, the world refuses a ring with a robot that comes to charge.
+    It does not if rings never rotate, if a robot in it comes to charge or waits for a lane, or if its
+    first robot must step aside. If all moves take one tick, the world refuses a ring with a robot that
+    comes to charge.
     """
     if state.rings == 0 or state.deadlocks.aside[U(state.stack[0])]:
         return False
-    if state.holds_back and view.chargers.cell.shape[0]:
+    charges = state.holds_back and view.chargers.cell.shape[0]
+    if charges or state.lanes:
         for k in range(depth):
             i = np.int64(state.stack[U(k)])
-            if comes_to_charge(view, i, state.next[U(i)]):
+            if charges and comes_to_charge(view, i, state.next[U(i)]):
+                return False
+            if k < depth - 1 and state.next[U(i)] == view.robots.cell[U(i)]:
                 return False
     return True
 

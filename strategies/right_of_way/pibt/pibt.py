@@ -211,7 +211,7 @@ def look_where_it_goes(view, state, i):
         if waits_at_gate and view.rules.radius == NIL:  # it turns to the gate and keeps its cell
             reserve(state, own_resource(view, i), i)
         state.begun[i] = 0
-    if claim in (NIL, cell) and holds_both_lanes(view, i) and is_lane_free(view, state, i):
+    if claim in (NIL, cell) and holds_both_lanes(view, state, i) and is_lane_free(view, state, i):
         reserve_other_lane(view, state, i)
     if state.mode[i] == MODE_LEAVING:
         to = np.int64(state.next[i])
@@ -488,7 +488,7 @@ def turns_meanwhile(view, state, i):
     best = option_of(state, i, 0)
     if best >= STAY_OPTION or turns_to(view, i, best) == 0:
         return False
-    return is_across(view, i, cell, heading) and is_lane_free(view, state, i)
+    return is_across(view, state, i, cell, heading) and is_lane_free(view, state, i)
 
 
 @kernel

@@ -121,7 +121,7 @@ def take_option(view, state, i, depth):
             continue
         if closes_ring(view, state, i, resource) and not may_rotate(view, state, depth):
             continue
-        if is_across(view, i, to, option):
+        if is_across(view, state, i, to, option):
             in_way = clear_lane(view, state, i, to, option ^ 2)
             if in_way == FAILED:
                 continue
@@ -184,7 +184,7 @@ def give_lanes_back(view, state, i):
     to = cell + view.grid.offset[U(option)]
     release(view, state, i, to, option)
     release(view, state, i, to, option ^ 2)
-    if not holds_both_lanes(view, i):
+    if not holds_both_lanes(view, state, i):
         release(view, state, i, cell, np.int64(view.robots.travel[U(i)]) ^ 2)
 
 

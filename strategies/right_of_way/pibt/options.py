@@ -34,6 +34,7 @@ from automaton.strategy.api import (
 )
 from strategies.right_of_way.pibt.pibt_state import (
     LONG_WAIT,
+    MODE_DECIDED,
     MODE_LEAVING,
     MODE_UNDECIDED,
     NO_OPTION,
@@ -326,19 +327,21 @@ def option_of(state, i, place):
 
 @kernel
 def waits_in_vain_to_turn(view, state, i):
-    """Whether robot i cannot turn in a cell for two because another robot will not leave it.
+    """Whether robot i wants to turn in a cell for two that another robot will not leave.
 
     Two robots that both want to turn there would wait for each other for ever, so they drive on and turn
     later.
     """
     cell, travel = np.int64(view.robots.cell[i]), np.int64(view.robots.travel[i])
-    if not is_for_two(view, cell):
+    if not is_for_two(view, cell) or turns_to(view, i, option_of(state, i, 0)) == 0:
         return False
     u = holder_of(view, cell, travel ^ 2)
     if u == NIL or u == i:
         return False
     if state.mode[u] <= MODE_LEAVING:
         return remaining_ticks(view, state, u) >= LONG_WAIT
+    if state.mode[u] == MODE_DECIDED:
+        return state.next[u] == cell
     first = option_of(state, u, 0)
     return first >= STAY_OPTION or turns_to(view, u, first) > 0
 

@@ -36,7 +36,6 @@ from automaton.strategy.api import (
     direction_between,
     gate_before,
     has_gates,
-    headings_of,
     is_facing,
     is_in_full_gate,
     is_in_own_queue,
@@ -44,7 +43,7 @@ from automaton.strategy.api import (
     opens_soon,
     splitmix64,
 )
-from strategies.right_of_way.pibt.options import option_of, rank_all_options
+from strategies.right_of_way.pibt.options import option_of, rank_all_options, turns_to
 from strategies.right_of_way.pibt.pibt_state import (
     MODE_DECIDED,
     MODE_FIXED,
@@ -58,10 +57,12 @@ from strategies.right_of_way.pibt.pibt_state import (
     empty_dead_ends,
     has_to_leave,
     holder_of,
-    is_for_two,
+    holds_both_lanes,
+    is_across,
     is_lane_free,
     own_resource,
     reserve,
+    reserve_ahead,
     reserve_other_lane,
     reserver_of,
     resource_in,
@@ -149,6 +150,7 @@ class Pibt(Strategy):
             dead_ends=ends.total,
             holds_back=int(waits),
             rings=int(not waits or view.rules.following == FOLLOWING_CONVOY),
+            lanes=int((view.grid.cell_flags >> 5 & 3 == 2).any()),
             service_areas=service_areas_of(view),
             guided=int(guided),
             fixed_ties=int(self.parameters.ties == "fixed"),
@@ -209,33 +211,21 @@ def look_where_it_goes(view, state, i):
         if waits_at_gate and view.rules.radius == NIL:  # it turns to the gate and keeps its cell
             reserve(state, own_resource(view, i), i)
         state.begun[i] = 0
+    if claim in (NIL, cell) and holds_both_lanes(view, state, i) and is_lane_free(view, state, i):
+        reserve_other_lane(view, state, i)
     if state.mode[i] == MODE_LEAVING:
         to = np.int64(state.next[i])
-        reserve(state, resource_in(view, to, direction_between(view.grid, cell, to)), i)
+        reserve_ahead(view, state, i, to, direction_between(view.grid, cell, to))
 
 
 @kernel
 def let_choose(view, state, i):
     """Let free robot i choose, unless it is where it has work, or in the queue there."""
-    has_left = view.robots.cell[i] == NIL
-    if has_left or not (is_at_goal(view, i) or is_in_own_queue(view, i)):
+    if view.robots.cell[i] == NIL or not (is_at_goal(view, i) or is_in_own_queue(view, i)):
         state.mode[i] = MODE_UNDECIDED
-        if state.holds_back and not has_left and stands_across(view, state, i):
-            reserve_other_lane(view, state, i)  # it has begun a U-turn
     else:
         state.begun[i] = 0
         state.turning[i] = 0
-
-
-@kernel
-def stands_across(view, state, i):
-    """Whether robot i, in an aisle for two, faces neither way and may turn on the other lane."""
-    robots = view.robots
-    cell, travel = np.int64(robots.cell[i]), np.int64(robots.travel[i])
-    turns = headings_of(view.grid, robots.type[i]) > 1
-    if not turns or not is_for_two(view, cell) or (robots.heading[i] ^ travel) & 1 == 0:
-        return False
-    return is_lane_free(view, state, i)
 
 
 # Order of choice.
@@ -479,6 +469,9 @@ def give_commands(view, batch, decisions, state):
                 state.turning[U(i)] = direction + 1
             elif state.holds_back and not departs(view, state, i):
                 hold_back(view, state, out, k, i)
+        elif turns_meanwhile(view, state, i):
+            out.command[U(k)] = CMD_GO
+            out.value[U(k)] = option_of(state, i, 0)
         elif state.asks[U(i)] and may_turn_to(view, state, i, np.int64(state.asks[U(i)]) - 1):
             out.command[U(k)] = CMD_GO
             out.value[U(k)] = state.asks[U(i)] - 1
@@ -486,6 +479,16 @@ def give_commands(view, batch, decisions, state):
             out.command[k] = CMD_HOLD
             best = option_of(state, i, 0)
             out.value[k] = NIL if best >= STAY_OPTION else best
+
+
+@kernel
+def turns_meanwhile(view, state, i):
+    """Whether robot i turns while it waits, since it stands across both lanes of a cell for two."""
+    cell, heading = np.int64(view.robots.cell[U(i)]), np.int64(view.robots.heading[U(i)])
+    best = option_of(state, i, 0)
+    if best >= STAY_OPTION or turns_to(view, i, best) == 0:
+        return False
+    return is_across(view, state, i, cell, heading) and is_lane_free(view, state, i)
 
 
 @kernel

@@ -15,8 +15,10 @@ from automaton.strategy.api import (
     DistanceTables,
     Struct,
     field,
+    headings_of,
     kernel,
     lane_of,
+    with_load,
 )
 from strategies.right_of_way.steering import Deadlocks, ServiceAreas
 
@@ -50,6 +52,7 @@ class PibtState(Struct):
         role=STATIC,
     )
     rings: int = field("int64", "1: robots that push each other in a ring all move", role=STATIC)
+    lanes: int = field("int64", "1: some cells are for two robots", role=STATIC)
     guided: int = field(
         "int64", "1: costs are from `tables`, 0: by streets, else ticks", role=STATIC
     )
@@ -180,10 +183,48 @@ def is_lane_free(view, state, i):
     cell, travel = np.int64(view.robots.cell[U(i)]), np.int64(view.robots.travel[U(i)])
     if not is_for_two(view, cell):
         return True
-    if holder_of(view, cell, travel ^ 2) != NIL:
+    if holder_of(view, cell, travel ^ 2) not in (NIL, i):
         return False
     comer = reserver_of(state, resource_in(view, cell, travel ^ 2))
     return comer == NIL or comer == i
+
+
+@kernel
+def is_across(view, state, i, cell, heading):
+    """Whether robot i would stand across a cell for two: no way leads on in its heading.
+
+    Then it needs both lanes until it has turned, or has driven into the storage or dead end ahead.
+    """
+    grid, robot_type = view.grid, with_load(view, np.int64(view.robots.type[U(i)]))
+    if not is_for_two(view, cell) or headings_of(grid, robot_type) == 1:
+        return False
+    if (np.int64(grid.type_cell_flags[U(robot_type), U(cell)]) >> heading) & 1 == 0:
+        return True
+    ahead = cell + grid.offset[U(heading)]
+    if np.int64(grid.type_cell_flags[U(robot_type), U(ahead)]) & NO_WAY_THROUGH != 0:
+        return True
+    here, there = state.dead_end[U(cell)], state.dead_end[U(ahead)]
+    return there != NIL and there != here
+
+
+@kernel
+def holds_both_lanes(view, state, i):
+    """Whether robot i stands across a cell for two, or faces against the lane in which it stands."""
+    cell, heading = np.int64(view.robots.cell[U(i)]), np.int64(view.robots.heading[U(i)])
+    if not is_for_two(view, cell):
+        return False
+    is_in_other_lane = (heading ^ np.int64(view.robots.travel[U(i)])) & 2 != 0
+    if is_in_other_lane and headings_of(view.grid, view.robots.type[U(i)]) == 4:
+        return True
+    return is_across(view, state, i, cell, heading)
+
+
+@kernel
+def reserve_ahead(view, state, i, cell, direction):
+    """Reserve the lane of robot i in the cell that it enters, or both if it stands across there."""
+    reserve(state, resource_in(view, cell, direction), i)
+    if is_across(view, state, i, cell, direction):
+        reserve(state, resource_in(view, cell, direction ^ 2), i)
 
 
 @kernel

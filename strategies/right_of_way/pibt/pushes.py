@@ -19,15 +19,19 @@ from automaton.strategy.api import (
 from strategies.right_of_way.pibt.options import option_of, turns_to, waits_in_vain_to_turn
 from strategies.right_of_way.pibt.pibt_state import (
     MODE_DECIDED,
+    MODE_LEAVING,
     MODE_UNDECIDED,
     NO_OPTION,
     STAY_OPTION,
     U,
     holder_of,
-    is_lane_free,
+    holds_both_lanes,
+    is_across,
+    is_for_two,
     may_enter,
     own_resource,
     reserve,
+    reserve_ahead,
     reserve_other_lane,
     reserver_of,
     resource_in,
@@ -36,6 +40,7 @@ from strategies.right_of_way.steering import at_once_ticks, comes_to_charge, lac
 
 SETTLED = -1  # results of take_option, besides the robot that must make way
 FAILED = -2
+IS_EMPTY = -3  # a result of clear_lane
 NOT_ASKED = 0  # state.departs
 GOES = 1
 IS_BEHIND = 2
@@ -53,6 +58,7 @@ def push(view, state, first):
     depth = 1
     while depth:
         i = np.int64(state.stack[U(depth - 1)])
+        give_lanes_back(view, state, i)
         pushed = take_option(view, state, i, depth)
         if pushed == SETTLED:
             return True
@@ -73,7 +79,6 @@ def take_option(view, state, i, depth):
     Robot i is the last of this number of robots that push each other.
     """
     cell = np.int64(view.robots.cell[U(i)])
-    must_turn = False  # for options that are better than to stay
     while True:
         place = np.int64(state.option_next[U(i)])
         option = option_of(state, i, place)
@@ -81,7 +86,7 @@ def take_option(view, state, i, depth):
             return FAILED
         state.option_next[U(i)] = place + 1
         if option == STAY_OPTION:
-            if must_turn and waits_in_vain_to_turn(view, state, i):
+            if waits_in_vain_to_turn(view, state, i):
                 continue
             comer = reserver_of(state, own_resource(view, i))
             if comer == NIL or comer == i:
@@ -89,9 +94,12 @@ def take_option(view, state, i, depth):
                 return SETTLED
             continue
         turns = turns_to(view, i, option) > 0
-        if turns and not is_lane_free(view, state, i):
-            must_turn = True
-            continue
+        if turns and is_for_two(view, cell):
+            in_way = clear_lane(view, state, i, cell, np.int64(view.robots.travel[U(i)]) ^ 2)
+            if in_way == FAILED:
+                continue
+            if in_way != IS_EMPTY:
+                return in_way
         to = cell + view.grid.offset[U(option)]
         gate = gate_before(view, i, to)
         if gate != NIL:  # it requests the gate, and stays meanwhile
@@ -105,19 +113,86 @@ def take_option(view, state, i, depth):
         resource = resource_in(view, to, option)
         other = reserver_of(state, resource)
         if other != NIL and other != i:
+            if is_to_make_way(view, state, other, to):
+                return wait_for(view, state, i, other)
             continue
         holder = holder_of(view, to, option)
         if would_swap(view, state, i, to, holder) or not may_enter(view, state, i, to):
             continue
         if closes_ring(view, state, i, resource) and not may_rotate(view, state, depth):
             continue
-        reserve(state, resource, i)
+        if is_across(view, state, i, to, option):
+            in_way = clear_lane(view, state, i, to, option ^ 2)
+            if in_way == FAILED:
+                continue
+            if in_way != IS_EMPTY:
+                return in_way
+        reserve_ahead(view, state, i, to, option)
         if turns:
             reserve_other_lane(view, state, i)
         state.next[U(i)] = to
         if holder != NIL and holder != i and state.mode[U(holder)] == MODE_UNDECIDED:
             return holder
         return SETTLED
+
+
+@kernel
+def clear_lane(view, state, i, cell, direction):
+    """Clear the second lane of a cell for two, in which robot i turns or will stand across.
+
+    Two robots that stand across would wait for each other for ever. Returns IS_EMPTY if the lane
+    is empty; otherwise robot i waits, and the result is that of `take_option`.
+    """
+    lane, u = resource_in(view, cell, direction), holder_of(view, cell, direction)
+    comer = reserver_of(state, lane)
+    if comer != NIL and comer != i:
+        return (
+            wait_for(view, state, i, comer) if is_to_make_way(view, state, comer, cell) else FAILED
+        )
+    if u == NIL or u == i:
+        return IS_EMPTY
+    if state.mode[U(u)] == MODE_UNDECIDED or state.mode[U(u)] == MODE_LEAVING:
+        return wait_for(view, state, i, u)
+    return FAILED
+
+
+@kernel
+def is_to_make_way(view, state, u, cell):
+    """Whether robot u, which has reserved a lane of a cell for two, is in it and can be pushed."""
+    is_there = is_for_two(view, cell) and view.robots.cell[U(u)] == cell
+    return is_there and state.mode[U(u)] == MODE_UNDECIDED
+
+
+@kernel
+def wait_for(view, state, i, u):
+    """Let robot i wait until robot u has left a cell for two; returns u if it must make way."""
+    reserve(state, own_resource(view, u), i)
+    state.next[U(i)] = view.robots.cell[U(i)]
+    if reserver_of(state, own_resource(view, i)) == NIL:
+        reserve(state, own_resource(view, i), i)  # else the robot that pushes it waits, too
+    return u if state.mode[U(u)] == MODE_UNDECIDED else SETTLED
+
+
+@kernel
+def give_lanes_back(view, state, i):
+    """Release the lanes that robot i reserved for its last option, which failed."""
+    place = np.int64(state.option_next[U(i)])
+    option = option_of(state, i, place - 1) if place else np.int64(STAY_OPTION)
+    if option >= STAY_OPTION:
+        return
+    cell = np.int64(view.robots.cell[U(i)])
+    to = cell + view.grid.offset[U(option)]
+    release(view, state, i, to, option)
+    release(view, state, i, to, option ^ 2)
+    if not holds_both_lanes(view, state, i):
+        release(view, state, i, cell, np.int64(view.robots.travel[U(i)]) ^ 2)
+
+
+@kernel
+def release(view, state, i, cell, direction):
+    lane = resource_in(view, cell, direction)
+    if is_for_two(view, cell) and reserver_of(state, lane) == i:
+        state.reserved[U(lane)] = 0
 
 
 @kernel
@@ -130,6 +205,8 @@ def stay(view, state, i):
 def would_swap(view, state, i, to, holder):
     """Whether robot i and a robot that moves from this cell into its own would swap cells."""
     cell = np.int64(view.robots.cell[U(i)])
+    if state.rings and is_for_two(view, cell) and is_for_two(view, to):
+        return False  # each has its lane
     if holder != NIL and state.mode[U(holder)] != MODE_UNDECIDED and state.next[U(holder)] == cell:
         return True
     comer = reserver_of(state, own_resource(view, i))
@@ -147,15 +224,19 @@ def closes_ring(view, state, i, resource):
 def may_rotate(view, state, depth):
     """Whether a ring of all robots on the stack moves, if the last one takes the place of the first.
 
-    It does not if rings never rotate, if a robot in it comes to charge, or if its first robot must step
-    aside. If all moves take one tick, the world refuses a ring with a robot that comes to charge.
+    It does not if rings never rotate, if a robot in it comes to charge or waits for a lane, or if its
+    first robot must step aside. If all moves take one tick, the world refuses a ring with a robot that
+    comes to charge.
     """
     if state.rings == 0 or state.deadlocks.aside[U(state.stack[0])]:
         return False
-    if state.holds_back and view.chargers.cell.shape[0]:
+    charges = state.holds_back and view.chargers.cell.shape[0]
+    if charges or state.lanes:
         for k in range(depth):
             i = np.int64(state.stack[U(k)])
-            if comes_to_charge(view, i, state.next[U(i)]):
+            if charges and comes_to_charge(view, i, state.next[U(i)]):
+                return False
+            if k < depth - 1 and state.next[U(i)] == view.robots.cell[U(i)]:
                 return False
     return True
 

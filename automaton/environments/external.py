@@ -1,0 +1,198 @@
+"""The right of way through which actions from outside enter a run: what each action of a robot means,
+and which are allowed.
+
+    drive     0          1                                   2            3           4
+    omni      stay       east                                south        west        north
+    diff.     stay       forward                             turn left    turn right
+    rail      stay       east, or south on a vertical axis   west, north  turn
+
+With routes (`Guided`) two actions come first, `follow the route` and `wait a tick`, in place of stay.
+In a parking bay action 1 leaves it. A robot that stays in its goal cell begins what it came for.
+"""
+
+import base64
+import zlib
+from typing import Annotated, Any, Final
+
+import msgspec
+import numpy as np
+from msgspec import Meta
+
+from automaton.strategy.api import (
+    CMD_GO,
+    CMD_HOLD,
+    CMD_STEP,
+    CMD_TURN,
+    CMD_WAIT,
+    CONSTANT,
+    GOAL_NONE,
+    GOAL_PARK,
+    MAY_TURN,
+    NEED_RIGHT_OF_WAY,
+    NIL,
+    STATUS_UP,
+    Array,
+    InputError,
+    Strategy,
+    Struct,
+    field,
+    headings_of,
+    is_in_own_queue,
+    kernel,
+)
+
+FREE: Final = 0  # drive: robots have no routes
+GUIDED: Final = 1
+STAY: Final = 0  # guided: follow the route
+WAIT: Final = 1  # guided only
+ONLY_STAY: Final = 1  # bits of allowed actions
+
+
+class Actions(Struct):
+    """The actions that enter next, n robots."""
+
+    drive: int = field("int64", "FREE or GUIDED")
+    actions: Array = field("(n,) int32", "action of each robot, by identity")
+    logged: Array = field("(t, n) int8", "actions of an episode, by tick", role=CONSTANT)
+
+
+@kernel
+def is_acting(view, i):
+    """Whether an action of robot i counts: right of way is asked about it, and nothing else moves it."""
+    robots = view.robots
+    if robots.busy[i] or robots.try_drop[i]:
+        return False
+    if robots.status[i] != STATUS_UP and robots.need[i] & NEED_RIGHT_OF_WAY == 0:
+        return False
+    goal_type = robots.goal_type[i]
+    if robots.parked[i]:
+        return goal_type != GOAL_NONE and goal_type != GOAL_PARK
+    return robots.cell[i] != NIL and not is_in_own_queue(view, i)
+
+
+@kernel
+def allowed_actions(view, drive, i):
+    """The allowed actions of robot i, as bits; what other robots do does not matter."""
+    robots = view.robots
+    if not is_acting(view, i):
+        return np.int64(ONLY_STAY)
+    if drive == GUIDED:
+        return np.int64(ONLY_STAY) if robots.parked[i] else 3 | allowed_moves(view, i) << 2
+    return np.int64(3) if robots.cell[i] == NIL else 1 | allowed_moves(view, i) << 1
+
+
+@kernel
+def allowed_moves(view, i):
+    """The moves and turns that the floor allows robot i, as bits, in the order of its actions."""
+    robots = view.robots
+    flags = np.int64(view.grid.type_cell_flags[robots.type[i], robots.cell[i]])
+    headings, heading = headings_of(view.grid, robots.type[i]), np.int64(robots.heading[i])
+    if headings == 1:
+        return flags & 15
+    ahead, turns = flags >> heading & 1, 1 if flags & MAY_TURN else 0
+    if headings == 2:
+        return ahead | (flags >> (heading + 2) & 1) << 1 | turns << 2
+    return ahead | turns << 1 | turns << 2
+
+
+@kernel
+def enter_actions(view, batch, decisions, drive, actions):
+    """Turn the actions of the robots of a batch into commands; one that is not allowed is 0.
+
+    `actions`: (n,) by identity.
+    """
+    out, robots = decisions.right_of_way, view.robots
+    for k in range(batch.count):
+        i = np.int64(batch.robot[k])
+        action = np.int64(actions[robots.identity[i]])
+        if action < 0 or action > 7 or allowed_actions(view, drive, i) >> action & 1 == 0:
+            action = np.int64(STAY)
+        if action == STAY:
+            if drive == FREE and is_held(view, i):
+                out.command[k], out.value[k] = CMD_HOLD, NIL
+        elif drive == GUIDED and action == WAIT:
+            out.command[k], out.value[k] = CMD_WAIT, 1
+        elif robots.cell[i] == NIL:
+            out.command[k], out.value[k] = CMD_GO, 0
+        else:
+            enter_move(view, out, k, i, drive, action - 1 - drive)
+
+
+@kernel
+def is_held(view, i):
+    """Whether robot i has somewhere to go and is not there: staying there costs it a tick."""
+    robots = view.robots
+    is_there = robots.cell[i] == robots.goal_cell[i]
+    return robots.goal_type[i] != GOAL_NONE and not is_there and is_acting(view, i)
+
+
+@kernel
+def enter_move(view, out, k, i, drive, move):
+    """Decision k: a move or a turn of robot i, numbered from 0."""
+    robots = view.robots
+    headings, heading = headings_of(view.grid, robots.type[i]), np.int64(robots.heading[i])
+    out.command[k] = CMD_STEP if drive == GUIDED else CMD_GO
+    if headings == 1:
+        out.value[k] = move
+    elif move == 0:
+        out.value[k] = heading
+    elif headings == 2 and move == 1:
+        out.value[k] = heading + 2
+    else:
+        out.command[k] = CMD_TURN
+        out.value[k] = 3 if headings == 4 and move == 1 else 1
+
+
+@kernel
+def decide(view, batch, decisions, memory, workspace):
+    state, tick = Actions.of(memory), view.clock.tick
+    if state.logged.shape[0]:
+        for robot in range(state.actions.shape[0]):
+            is_logged = tick < state.logged.shape[0]
+            state.actions[robot] = state.logged[tick, robot] if is_logged else STAY
+    enter_actions(view, batch, decisions, state.drive, state.actions)
+
+
+class ExternalParameters(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
+    """A recording of an episode carries its actions."""
+
+    actions: Annotated[
+        str, Meta(description="actions of an episode by tick, as `Environment.save` writes them")
+    ] = ""
+
+
+def text_of_actions(rows: Any) -> str:
+    """The parameter `actions` for (t, n) int8."""
+    return base64.b85encode(zlib.compress(rows.tobytes())).decode()
+
+
+def actions_of_text(text: str, robots: int) -> Any:
+    """(t, n) int8 from the parameter `actions`. Raises InputError."""
+    try:
+        values = np.frombuffer(zlib.decompress(base64.b85decode(text)), np.int8)
+        return values.reshape(-1, robots)
+    except (ValueError, zlib.error):
+        raise InputError(f"actions is no log of the actions of {robots} robots") from None
+
+
+class External(Strategy):
+    """Actions from outside move each robot: an environment's, or those of a program."""
+
+    layer = "right_of_way"
+    Parameters = ExternalParameters
+    compiled = decide
+    steers = True
+    period = 1
+
+    def reset(self, view):
+        """Return the actions of a run: all `stay`, or those of its log."""
+        robots, text = len(view.robots.cell), self.parameters.actions
+        logged = actions_of_text(text, robots).copy() if text else np.zeros((0, robots), np.int8)
+        drive = FREE if self.steers else GUIDED
+        return Actions.sized({"n": robots}, drive=drive, logged=logged)
+
+
+class Guided(External):
+    """Robots follow their routes, and actions from outside let them wait, move or turn."""
+
+    steers = False

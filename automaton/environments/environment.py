@@ -188,6 +188,8 @@ class Environment:
         course.robots, course.actions = self.robots, self.actions_count
         course.drive = int(self.drive == "guided")
         course.until_acting, course.max_ticks = int(until_acting), self.max_ticks
+        losses = [weights[list(REWARDS).index(name)] for name in ("blocked", "energy")]
+        course.counts_losses = int(features or any(losses))
         course.measures = int(features or weights[list(REWARDS).index("nearer")] != 0)
         first = self._first
         rules = first.world.rules

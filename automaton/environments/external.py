@@ -41,17 +41,21 @@ from automaton.strategy.api import (
     kernel,
 )
 
+U = np.uint64  # unsigned index: spares the test for negative values
+
 FREE: Final = 0  # drive: robots have no routes
 GUIDED: Final = 1
 STAY: Final = 0  # guided: follow the route
 WAIT: Final = 1  # guided only
-ONLY_STAY: Final = 1  # bits of allowed actions
+ACTS: Final = 256  # besides the bits of allowed actions: its action will count
+NO_ACTION: Final = -1
 
 
 class Actions(Struct):
     """The actions that enter next, n robots."""
 
     drive: int = field("int64", "FREE or GUIDED")
+    are_checked: int = field("() int64", "1 = the driver has checked the actions")
     actions: Array = field("(n,) int32", "action of each robot, by identity")
     logged: Array = field("(t, n) int8", "actions of an episode, by tick", role=CONSTANT)
 
@@ -60,33 +64,34 @@ class Actions(Struct):
 def is_acting(view, i):
     """Whether an action of robot i counts: right of way is asked about it, and nothing else moves it."""
     robots = view.robots
-    if robots.busy[i] or robots.try_drop[i]:
+    if robots.busy[U(i)] or robots.try_drop[U(i)]:
         return False
-    if robots.status[i] != STATUS_UP and robots.need[i] & NEED_RIGHT_OF_WAY == 0:
+    if robots.status[U(i)] != STATUS_UP and robots.need[U(i)] & NEED_RIGHT_OF_WAY == 0:
         return False
-    goal_type = robots.goal_type[i]
-    if robots.parked[i]:
+    goal_type = robots.goal_type[U(i)]
+    if robots.parked[U(i)]:
         return goal_type != GOAL_NONE and goal_type != GOAL_PARK
-    return robots.cell[i] != NIL and not is_in_own_queue(view, i)
+    return robots.cell[U(i)] != NIL and not is_in_own_queue(view, i)
 
 
 @kernel
 def allowed_actions(view, drive, i):
-    """The allowed actions of robot i, as bits; what other robots do does not matter."""
+    """The allowed actions of robot i, as bits, and ACTS; what other robots do does not matter."""
     robots = view.robots
     if not is_acting(view, i):
-        return np.int64(ONLY_STAY)
+        return np.int64(1)
     if drive == GUIDED:
-        return np.int64(ONLY_STAY) if robots.parked[i] else 3 | allowed_moves(view, i) << 2
-    return np.int64(3) if robots.cell[i] == NIL else 1 | allowed_moves(view, i) << 1
+        return ACTS | (1 if robots.parked[U(i)] else 3 | allowed_moves(view, i) << 2)
+    return ACTS | (3 if robots.cell[U(i)] == NIL else 1 | allowed_moves(view, i) << 1)
 
 
 @kernel
 def allowed_moves(view, i):
     """The moves and turns that the floor allows robot i, as bits, in the order of its actions."""
     robots = view.robots
-    flags = np.int64(view.grid.type_cell_flags[robots.type[i], robots.cell[i]])
-    headings, heading = headings_of(view.grid, robots.type[i]), np.int64(robots.heading[i])
+    kind = U(robots.type[U(i)])
+    flags = np.int64(view.grid.type_cell_flags[kind, U(robots.cell[U(i)])])
+    headings, heading = headings_of(view.grid, kind), np.int64(robots.heading[U(i)])
     if headings == 1:
         return flags & 15
     ahead, turns = flags >> heading & 1, 1 if flags & MAY_TURN else 0
@@ -96,34 +101,38 @@ def allowed_moves(view, i):
 
 
 @kernel
-def enter_actions(view, batch, decisions, drive, actions):
-    """Turn the actions of the robots of a batch into commands; one that is not allowed is 0.
-
-    `actions`: (n,) by identity.
-    """
-    out, robots = decisions.right_of_way, view.robots
-    for k in range(batch.count):
-        i = np.int64(batch.robot[k])
-        action = np.int64(actions[robots.identity[i]])
-        if action < 0 or action > 7 or allowed_actions(view, drive, i) >> action & 1 == 0:
-            action = np.int64(STAY)
-        if action == STAY:
-            if drive == FREE and is_held(view, i):
-                out.command[k], out.value[k] = CMD_HOLD, NIL
-        elif drive == GUIDED and action == WAIT:
-            out.command[k], out.value[k] = CMD_WAIT, 1
-        elif robots.cell[i] == NIL:
-            out.command[k], out.value[k] = CMD_GO, 0
-        else:
-            enter_move(view, out, k, i, drive, action - 1 - drive)
+def checked_action(view, drive, i, action):
+    """The action of robot i: 0 if it is not allowed, NO_ACTION if no action counts."""
+    allowed = allowed_actions(view, drive, i)
+    if allowed & ACTS == 0:
+        return np.int64(NO_ACTION)
+    return action if 0 <= action < 8 and allowed >> action & 1 else np.int64(STAY)
 
 
 @kernel
-def is_held(view, i):
-    """Whether robot i has somewhere to go and is not there: staying there costs it a tick."""
-    robots = view.robots
-    is_there = robots.cell[i] == robots.goal_cell[i]
-    return robots.goal_type[i] != GOAL_NONE and not is_there and is_acting(view, i)
+def enter_actions(view, batch, decisions, drive, actions, are_checked):
+    """Turn the actions of the robots of a batch into commands.
+
+    `actions`: (n,) by identity; `are_checked`: whether all are results of `checked_action`.
+    """
+    out, robots = decisions.right_of_way, view.robots
+    for k in range(batch.count):
+        i = np.int64(batch.robot[U(k)])
+        action = np.int64(actions[U(robots.identity[U(i)])])
+        if not are_checked:
+            action = checked_action(view, drive, i, action)
+        if action == NO_ACTION:
+            continue
+        if action == STAY:
+            is_there = robots.cell[U(i)] == robots.goal_cell[U(i)]
+            if drive == FREE and robots.goal_type[U(i)] != GOAL_NONE and not is_there:
+                out.command[U(k)], out.value[U(k)] = CMD_HOLD, NIL
+        elif drive == GUIDED and action == WAIT:
+            out.command[U(k)], out.value[U(k)] = CMD_WAIT, 1
+        elif robots.cell[U(i)] == NIL:
+            out.command[U(k)], out.value[U(k)] = CMD_GO, 0
+        else:
+            enter_move(view, out, k, i, drive, action - 1 - drive)
 
 
 @kernel
@@ -150,7 +159,7 @@ def decide(view, batch, decisions, memory, workspace):
         for robot in range(state.actions.shape[0]):
             is_logged = tick < state.logged.shape[0]
             state.actions[robot] = state.logged[tick, robot] if is_logged else STAY
-    enter_actions(view, batch, decisions, state.drive, state.actions)
+    enter_actions(view, batch, decisions, state.drive, state.actions, state.are_checked)
 
 
 class ExternalParameters(msgspec.Struct, forbid_unknown_fields=True, frozen=True):

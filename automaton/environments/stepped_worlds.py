@@ -55,7 +55,7 @@ class SteppedWorld(Simulation):
         return strategy
 
     def _start(self) -> Iterator[int]:
-        self.parts = self._loop_parts()
+        self.parts = self._loop_parts(stepping.DECIDE)
         return iter(())
 
     def connect(self, scene: Any, radius: int | None, logs: bool) -> list[int]:
@@ -117,7 +117,7 @@ class SteppedWorld(Simulation):
         parts = (self.world, self.full_batch, self.batch, self.decisions, *self.states)
         constant = sum(array.nbytes for _, _, array in self.world.grid.arrays())
         arrays = {id(array): array for part in parts for _, _, array in part.arrays()}
-        return sum(array.nbytes for array in arrays.values()) - constant
+        return int(sum(array.nbytes for array in arrays.values()) - constant)
 
 
 class Log:

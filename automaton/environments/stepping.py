@@ -14,27 +14,31 @@ import numpy as np
 from numba import types
 
 from automaton.engine.batches import decide_signature
-from automaton.engine.decisions import Decisions
 from automaton.engine.features import FEATURES, signature
-from automaton.engine.jit.kernel import jit_is_on, kernel
+from automaton.engine.jit.kernel import jit_is_on
 from automaton.engine.jit.struct_types import declared_type, function_at, struct_at
-from automaton.engine.jit.structs import Array, NamedNumbers, Struct, field, number
 from automaton.engine.loop import PHASES, close_tick, open_tick, serve_layer
 from automaton.engine.observation import Observation
-from automaton.engine.state import (
+from automaton.engine.state import STRATEGY_COUNT, Record
+from automaton.environments.external import ACTS, NO_ACTION, Actions, U, allowed_actions
+from automaton.strategy.api import (
     ACTION_BLOCKED,
     ACTION_GATE,
     BATTERY_FULL,
     NIL,
     ORDER_DELIVERED,
-    STRATEGY_COUNT,
+    Array,
     Batch,
+    Decisions,
     Memory,
-    Record,
+    NamedNumbers,
+    Struct,
     Workspace,
     World,
+    field,
+    kernel,
+    number,
 )
-from automaton.environments.external import Actions, allowed_actions, is_acting
 
 LEARNER: Final = PHASES - 1  # entry of LAYER_SEQUENCE: right of way
 MAX_DECISION_TICKS: Final = 1000  # of a step that waits for a robot to act
@@ -124,6 +128,7 @@ class Course(NamedNumbers):
     until_acting: int = number("1: a step lasts until a robot acts; 0: a tick")
     max_ticks: int = number("ticks after which an episode is truncated")
     measures: int = number("1: distances to goals are kept up to date")
+    counts_losses: int = number("1: refused moves and charge are counted")
 
 
 class Stepper(Struct):
@@ -223,20 +228,23 @@ def clear_rewards(stepper, w):
 def begin_step(stepper, episode, entered, w, is_first):
     """Take the actions of world w over, and count those against the mask; they are not executed."""
     buffers, invalid = stepper.buffers, stepper.weights[INVALID]
-    count = stepper.course.actions
+    count, refused = stepper.course.actions, 0
+    entered.are_checked = 1
     for i in range(stepper.course.robots):
-        action = np.int64(buffers.actions[w, i])
-        if is_first or stepper.course.until_acting == 0 or buffers.acting[w, i]:
-            buffers.rewards[w, i] = 0.0
-        if is_first or buffers.acting[w, i]:
-            buffers.elapsed[w, i] = 0
+        action, allowed = np.int64(buffers.actions[U(w), U(i)]), episode.allowed[U(i)]
+        if is_first or allowed & ACTS:
+            buffers.elapsed[U(w), U(i)] = 0
+            buffers.rewards[U(w), U(i)] = 0.0
+        elif stepper.course.until_acting == 0:
+            buffers.rewards[U(w), U(i)] = 0.0
         if is_first:
             buffers.terminations[w, i] = buffers.truncations[w, i] = False
-        elif action < 0 or action >= count or episode.allowed[i] >> action & 1 == 0:
+        elif action < 0 or action >= count or allowed >> action & 1 == 0:
             action = np.int64(0)
-            buffers.invalid[w] += 1
-            buffers.rewards[w, i] += invalid
-        entered.actions[i] = action
+            refused += 1
+            buffers.rewards[U(w), U(i)] += invalid
+        entered.actions[U(i)] = action if allowed & ACTS else NO_ACTION
+    buffers.invalid[w] += refused
 
 
 @kernel
@@ -265,13 +273,13 @@ def begin_tick(stepper, world, episode, workspace, w):
 def end_tick(stepper, world, episode, workspace, w, begins):
     """Move, add the rewards of the tick, and end the episode if it is over."""
     for i in range(world.robots.cell.shape[0]):
-        episode.order[i] = world.robots.order[i]
-        episode.load[i] = world.robots.load[i]
+        episode.order[U(i)] = world.robots.order[U(i)]
+        episode.load[U(i)] = world.robots.load[U(i)]
     close(stepper, w, begins)
     add_rewards(stepper, world, episode, workspace, w)
     if episode.digests.shape[0]:
         fill_at(stepper.functions, DIGESTS)(world, episode, stepper.buffers, w, workspace)
-    actions_at(stepper.addresses[w, 10]).actions[:] = 0
+    actions_at(stepper.addresses[w, 10]).actions[:] = NO_ACTION
     if world.clock.finished or world.clock.tick >= stepper.course.max_ticks:
         stepper.state[w] = STATE_ENDED
         stepper.buffers.terminations[w] = world.clock.finished != 0
@@ -330,22 +338,18 @@ def add_rewards(stepper, world, episode, workspace, w):
     buffers, weights, robots = stepper.buffers, stepper.weights, world.robots
     ended = 0
     for i in range(robots.cell.shape[0]):
-        order, load = np.int64(episode.order[i]), np.int64(robots.load[i])
+        order, load = np.int64(episode.order[U(i)]), np.int64(robots.load[U(i)])
         reward = weights[TICK]
-        if order != NIL and world.orders.state[order] == ORDER_DELIVERED:
-            reward += weights[DELIVERED]
-            ended += 1
-        if load != NIL and load != episode.load[i]:
+        if order != robots.order[U(i)] and order != NIL:
+            if world.orders.state[U(order)] == ORDER_DELIVERED:
+                reward += weights[DELIVERED]
+                ended += 1
+        if load != NIL and load != episode.load[U(i)]:
             reward += weights[PICKED]
-        blocked = lost_to_refusals(world, i)
-        episode.refused[i] = blocked > episode.blocked[i]
-        reward += weights[BLOCKED] * (blocked - episode.blocked[i])
-        episode.blocked[i] = blocked
-        used = np.int64(world.tally.energy_used[i])
-        reward += weights[ENERGY] * ((used - episode.energy[i]) / BATTERY_FULL)
-        episode.energy[i] = used
-        buffers.rewards[w, i] += reward
-        buffers.elapsed[w, i] += 1
+        buffers.rewards[U(w), U(i)] += reward
+        buffers.elapsed[U(w), U(i)] += 1
+    if stepper.course.counts_losses:
+        add_losses(stepper, world, episode, w)
     if ended and weights[TEAM] != 0.0:
         for i in range(robots.cell.shape[0]):
             buffers.rewards[w, i] += weights[TEAM] * ended / robots.cell.shape[0]
@@ -353,6 +357,20 @@ def add_rewards(stepper, world, episode, workspace, w):
         fill_at(stepper.functions, DISTANCES)(world, episode, buffers, w, workspace)
         for i in range(robots.cell.shape[0]):
             buffers.rewards[w, i] += weights[NEARER] * episode.nearer[i]
+
+
+@kernel
+def add_losses(stepper, world, episode, w):
+    """Add the rewards for refused moves and for charge."""
+    buffers, weights = stepper.buffers, stepper.weights
+    for i in range(world.robots.cell.shape[0]):
+        blocked = lost_to_refusals(world, i)
+        episode.refused[i] = blocked > episode.blocked[i]
+        used = np.int64(world.tally.energy_used[i])
+        reward = weights[BLOCKED] * (blocked - episode.blocked[i])
+        reward += weights[ENERGY] * ((used - episode.energy[i]) / BATTERY_FULL)
+        episode.blocked[i], episode.energy[i] = blocked, used
+        buffers.rewards[w, i] += reward
 
 
 @kernel
@@ -371,16 +389,15 @@ def note_allowed(stepper, world, episode, w):
     """Fill in the masks of world w; returns whether an action will count."""
     buffers, actions = stepper.buffers, stepper.course.actions
     is_over = stepper.state[w] == STATE_ENDED
-    any_acting = False
+    any_acting = np.int64(0)
     for i in range(world.robots.cell.shape[0]):
         allowed = np.int64(1) if is_over else allowed_actions(world, stepper.course.drive, i)
-        episode.allowed[i] = allowed
+        episode.allowed[U(i)] = allowed
         for action in range(actions):
-            buffers.masks[w, i, action] = allowed >> action & 1
-        acting = not is_over and is_acting(world, i)
-        buffers.acting[w, i] = acting
-        any_acting = any_acting or acting
-    return any_acting
+            buffers.masks[U(w), U(i), U(action)] = allowed >> action & 1
+        buffers.acting[U(w), U(i)] = 1 if allowed & ACTS else 0
+        any_acting |= allowed
+    return any_acting & ACTS != 0
 
 
 @kernel

@@ -10,21 +10,22 @@ from typing import Any, Final
 import numpy as np
 
 from automaton.engine.digest import digest_world
-from automaton.engine.distance_tables import UNREACHABLE
-from automaton.engine.jit.kernel import kernel
-from automaton.engine.search import distance
-from automaton.engine.state import (
+from automaton.engine.jit.struct_types import clear_bytes, copy_bytes
+from automaton.environments.external import U
+from automaton.environments.stepping import Scene
+from automaton.strategy.api import (
     BATTERY_FULL,
     GOAL_CHARGE,
     GOAL_DROP,
     GOAL_PARK,
     GOAL_PICK,
     GOAL_STOP,
-    NEVER,
     NIL,
     ORDER_WAITING,
+    UNREACHABLE,
+    distance,
+    kernel,
 )
-from automaton.environments.stepping import Scene
 
 CHANNELS: Final = {
     "walls": "1: robots of its type never stand here (wall, closed area, outside the floor)",
@@ -52,33 +53,29 @@ def window_kernel(radius: int) -> Any:
     def fill_windows(world, episode, buffers, w, workspace):
         robots, scene, windows = world.robots, episode.scene, buffers.observations
         show_robots(world, episode)
-        stride = scene.stride
+        stride, planes, target = scene.stride, episode.planes.ctypes.data, windows.ctypes.data
         for i in range(robots.cell.shape[0]):
-            cell = np.int64(robots.cell[i])
-            here = np.int64(robots.home[i] if cell == NIL else cell)
-            corner = np.int64(scene.plane[here]) - radius * (stride + 1)
-            kind = np.int64(robots.type[i])
+            cell = np.int64(robots.cell[U(i)])
+            here = np.int64(robots.home[U(i)] if cell == NIL else cell)
+            corner = np.int64(scene.plane[U(here)]) - radius * (stride + 1)
+            kind = np.int64(robots.type[U(i)])
             for k in range(scene.channels.shape[0]):
-                channel, at = scene.channels[k], k * area
-                plane = scene.planes[k]
+                channel, at = scene.channels[U(k)], k * area
+                plane = scene.planes[U(k)]
+                to = target + (w * robots.cell.shape[0] + i) * windows.shape[2] + at
                 if channel == GOAL:
-                    for place in range(area):
-                        windows[w, i, at + place] = 0
+                    clear_bytes(to, area)
                     goal = np.int64(robots.goal_cell[i])
                     if goal != NIL:
-                        across = np.int64(scene.column[goal]) - np.int64(scene.column[here])
-                        down = np.int64(scene.row[goal]) - np.int64(scene.row[here])
-                        across = min(max(across, -radius), radius)
-                        down = min(max(down, -radius), radius)
+                        across = clipped(scene.column[goal] - scene.column[here], radius)
+                        down = clipped(scene.row[goal] - scene.row[here], radius)
                         windows[w, i, at + centre + down * side + across] = 1
                     continue
                 if channel in (WALLS, WAYS, ORDERS):
                     plane += kind
+                source = planes + plane * episode.planes.shape[1] + corner
                 for y in range(side):
-                    begin = np.uint64(corner + y * stride)
-                    for x in range(side):
-                        value = episode.planes[np.uint64(plane), begin + np.uint64(x)]
-                        windows[w, i, at + y * side + x] = value
+                    copy_bytes(to + y * side, source + y * stride, side)
                 if channel == ROBOTS:
                     if cell != NIL and episode.robots[episode.cell[i]] < 2:
                         windows[w, i, at + centre] = 0
@@ -96,6 +93,12 @@ def window_kernel(radius: int) -> Any:
             hide_outside(episode, windows, w, side)
 
     return kernel(fill_windows)
+
+
+@kernel
+def clipped(offset, radius):
+    """An offset of cells, within a window."""
+    return min(max(np.int64(offset), -radius), radius)
 
 
 @kernel
@@ -161,15 +164,15 @@ def move_robots(world, episode, plane):
     """Count robots by place, where that has changed; `plane`: of the channel `robots`, or NIL."""
     robots, scene = world.robots, episode.scene
     for i in range(robots.cell.shape[0]):
-        cell, claim = np.int64(robots.cell[i]), np.int64(robots.claim[i])
-        cell = np.int64(NIL) if cell == NIL else np.int64(scene.plane[cell])
-        claim = np.int64(NIL) if claim == NIL else np.int64(scene.plane[claim])
+        cell, claim = np.int64(robots.cell[U(i)]), np.int64(robots.claim[U(i)])
+        cell = np.int64(NIL) if cell == NIL else np.int64(scene.plane[U(cell)])
+        claim = np.int64(NIL) if claim == NIL else np.int64(scene.plane[U(claim)])
         claim = np.int64(NIL) if claim == cell else claim
-        if episode.cell[i] != cell:
+        if episode.cell[U(i)] != cell:
             count_robot(episode, plane, np.int64(episode.cell[i]), -1)
             count_robot(episode, plane, cell, 1)
             episode.cell[i] = cell
-        if episode.claim[i] != claim:
+        if episode.claim[U(i)] != claim:
             count_robot(episode, plane, np.int64(episode.claim[i]), -1)
             count_robot(episode, plane, claim, 1)
             episode.claim[i] = claim
@@ -313,7 +316,7 @@ def fill_features(world, episode, buffers, w, workspace):
         out[w, i, 13] = charge if world.rules.battery else 1.0
         order = np.int64(robots.order[i])
         out[w, i, 14] = 0.0
-        if order != NIL and world.orders.release_tick[order] != NEVER:
+        if order != NIL:
             age = tick - np.int64(world.orders.release_tick[order])
             out[w, i, 14] = min(max(age / 1024, 0.0), 1.0)
         out[w, i, 15] = episode.refused[i]

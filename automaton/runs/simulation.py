@@ -198,7 +198,8 @@ class Simulation:
             self._ticks = self._start()
 
     def _borrow_space(self, floor: Any) -> Workspace:
-        return floor.borrow_space(self, self.world.rules.table_bytes)
+        space: Workspace = floor.borrow_space(self, self.world.rules.table_bytes)
+        return space
 
     def _to_be_compiled(self) -> list[Any]:
         """The functions that the first tick needs compiled."""
@@ -305,13 +306,13 @@ class Simulation:
         return checked_state(strategy, state, self.view)
 
     def _start(self) -> Iterator[int]:
-        loop, _ = _compiled_loop(self.strategies, np.flatnonzero(self._used).tolist())
-        parts = self._loop_parts()
+        loop, decide_type = _compiled_loop(self.strategies, np.flatnonzero(self._used).tolist())
+        parts = self._loop_parts(decide_type)
         self._kept_alive = parts
         ticks: Iterator[int] = loop(*parts.structs, parts.memories, self._used, *parts.functions)
         return ticks
 
-    def _loop_parts(self) -> LoopParts:
+    def _loop_parts(self, decide_type: Any) -> LoopParts:
         """What the compiled loop runs on; the functions are compiled or loaded."""
         structs = (
             (self.world, self.visible_world, self.view),
@@ -324,7 +325,6 @@ class Simulation:
         mode = self._mode
         for index in np.flatnonzero(mode == loop_kernels.MODE_INTERPRETED):
             self._states[index] = self._states[index].copied()  # strategies may change theirs
-        decide_type = loop_kernels.decide_signature() if jit_is_on() else None  # type: ignore[no-untyped-call]
         functions = [
             compiled_decide(type(strategy).compiled, decide_type)  # type: ignore[arg-type]
             if strategy is not None and kind == loop_kernels.MODE_COMPILED

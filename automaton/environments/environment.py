@@ -13,6 +13,7 @@ from automaton.engine.jit.structs import registered_address
 from automaton.engine.random_numbers import STREAM_EPISODES, random_bits_of_each
 from automaton.engine.state import NIL, ORDER_LIST, Array
 from automaton.environments.external import text_of_actions
+from automaton.environments.resets import Copies, Restorer, restored
 from automaton.environments.stepped_worlds import EXTERNAL, Log, SteppedWorld, free_memory
 from automaton.environments.stepping import (
     ADDRESS_COUNT,
@@ -105,6 +106,9 @@ class Environment:
         self._spaces += [self._first.new_space() for _ in range(threads - 1)]
         self._runs = cut(worlds, threads)
         self._worlds: list[SteppedWorld | None] = [None] * worlds
+        self._copies: list[Copies | None] = [None] * worlds
+        self._restorer = Restorer(self._first)
+        self.compiled_reset = self._restorer.draws is not None
         self._logs = [Log() for _ in range(worlds)] if log else None
         self._make_stepper(weights, stepping == "decision", features)
         self._pool = ThreadPoolExecutor(threads - 1) if threads > 1 else None
@@ -253,9 +257,19 @@ class Environment:
 
     def _begin_world(self, w: int, seed: int) -> None:
         """Bring a world to tick 0."""
-        world = SteppedWorld(self._resolved, seed, self._spaces[self._run_of(w)])
-        self._worlds[w] = world
-        self._stepper.addresses[w] = world.connect(self._scene, self.radius, self._logs is not None)
+        world, copies = self._worlds[w], self._copies[w]
+        if world is None or copies is None:
+            world = SteppedWorld(self._resolved, seed, self._spaces[self._run_of(w)])
+            self._worlds[w] = world
+            row = world.connect(self._scene, self.radius, self._logs is not None)
+            self._stepper.addresses[w] = row
+            if self._restorer.draws is not None:
+                self._copies[w] = self._restorer.copies(world)
+        else:
+            assert self._restorer.draws is not None
+            copies.seed[0] = seed
+            restored(world, self._restorer.draws, copies)
+            world.forget()
         self._state[w] = STATE_NEW
         self.invalid[w] = 0
         if self._logs is not None:

@@ -13,7 +13,7 @@ from automaton.engine.features import FEATURES, signature
 from automaton.engine.jit.kernel import first_class, jit_is_on
 from automaton.engine.jit.struct_types import words_of_function
 from automaton.engine.jit.structs import registered_address
-from automaton.engine.state import LAYER_RIGHT_OF_WAY, Array
+from automaton.engine.state import LAYER_RIGHT_OF_WAY, NIL, Array
 from automaton.environments import stepping, windows
 from automaton.errors import InputError, alternatives
 from automaton.runs.simulation import Simulation
@@ -35,6 +35,12 @@ class SteppedWorld(Simulation):
     def _borrow_space(self, floor: Any) -> Any:
         self._floor = floor
         return super()._borrow_space(floor) if self._space is None else self._space
+
+    @property
+    def empty_floor(self) -> Array:
+        """(C,) uint16: the occupancy of the floor without robots and pods."""
+        floor: Array = self._floor.occupancy
+        return floor
 
     def new_space(self) -> Any:
         """Another workspace for worlds like this one."""
@@ -77,6 +83,14 @@ class SteppedWorld(Simulation):
             *(self.entered, self.episode, *self.parts.memories),
         )
         return [registered_address(one) for one in structs]
+
+    def forget(self) -> None:
+        """Another episode begins; robots are still drawn where they were, until they are shown."""
+        episode = self.episode
+        for array in (episode.allowed, episode.blocked, episode.refused, episode.energy):
+            array[:] = 0
+        for array in (episode.goal, episode.pose, episode.revision):
+            array[:] = NIL
 
     def words(self, radius: int | None, features: bool, measures: bool, logs: bool) -> Array:
         """(g, 2) int64: the words of all functions that the driver calls."""

@@ -340,10 +340,10 @@ def add_rewards(stepper, world, episode, workspace, w):
     for i in range(robots.cell.shape[0]):
         order, load = np.int64(episode.order[U(i)]), np.int64(robots.load[U(i)])
         reward = weights[TICK]
-        if order != robots.order[U(i)] and order != NIL:
-            if world.orders.state[U(order)] == ORDER_DELIVERED:
-                reward += weights[DELIVERED]
-                ended += 1
+        is_over = order != robots.order[U(i)] and order != NIL
+        if is_over and world.orders.state[U(order)] == ORDER_DELIVERED:
+            reward += weights[DELIVERED]
+            ended += 1
         if load != NIL and load != episode.load[U(i)]:
             reward += weights[PICKED]
         buffers.rewards[U(w), U(i)] += reward

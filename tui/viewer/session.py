@@ -439,7 +439,16 @@ class Display:
         session, size = self._session, self.maps[side].size
         camera = session.pictures.camera
         rows, columns = size.height or camera.rows, size.width or camera.columns
-        return session.pictures.picture(session.scene(side), session.choice, rows, columns)
+        codes = session.pictures.picture(session.scene(side), session.choice, rows, columns)
+        playback = session.playback
+        if playback is not None and side == session.choice.side and playback.ended(side):
+            if session.choice.card:
+                from tui.widgets.end_card import draw_end_card
+
+                draw_end_card(codes, session.view())
+        elif side == session.choice.side:
+            session.choice.card = True  # again at the next end
+        return codes
 
     def _update_texts(self) -> bool:
         """Update lines and panels if they are stale and due; returns whether a line changed."""

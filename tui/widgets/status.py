@@ -42,7 +42,7 @@ from automaton.history.state_words import (
     words_of,
 )
 from automaton.units import Unit, number
-from automaton.vocabulary import robot_word, with_cause
+from automaton.vocabulary import COLOUR_WORDS, robot_word, with_cause
 from tui.registration import layers
 from tui.render import drawn_robots as drawn
 from tui.render import styles
@@ -61,17 +61,18 @@ NEARLY_DONE = 0.9  # this share of the requested speed counts as reached
 SCALE_RANK = 1  # if not all words fit, hints are omitted first, then scales, then messages
 MAX_DESCRIBED_ROBOTS = 3  # described in one line
 
-# Drawn states of robots in the status line: a shape that robots have in it, and a word.
-STATE_SIGNS: Final = {
-    looks.DRAW_LOADED: (looks.SHAPE_FILLED, "loaded"),
-    looks.DRAW_EMPTY: (looks.SHAPE_HOLLOW, "empty"),
-    looks.DRAW_WAITING: (looks.SHAPE_HOLLOW, "waiting"),
-    looks.DRAW_IDLE: (looks.SHAPE_RING, "idle"),
-    looks.DRAW_CHARGING: (looks.SHAPE_PLUG, "charging"),
-    looks.DRAW_LOW_BATTERY: (looks.SHAPE_THIN, "low"),
-    looks.DRAW_PARKED: (looks.SHAPE_SQUARE, "parked"),
-    looks.DRAW_FAULT: (looks.SHAPE_CROSS, "in a wait cycle or down"),
+# Drawn states of robots, in the order of the status line.
+STATE_SIGNS: Final = {  # a shape that robots have in this state
+    looks.DRAW_LOADED: looks.SHAPE_FILLED,
+    looks.DRAW_EMPTY: looks.SHAPE_HOLLOW,
+    looks.DRAW_WAITING: looks.SHAPE_HOLLOW,
+    looks.DRAW_IDLE: looks.SHAPE_RING,
+    looks.DRAW_CHARGING: looks.SHAPE_PLUG,
+    looks.DRAW_LOW_BATTERY: looks.SHAPE_THIN,
+    looks.DRAW_PARKED: looks.SHAPE_SQUARE,
+    looks.DRAW_FAULT: looks.SHAPE_HOLLOW,
 }
+FAULT_WORDS: Final = COLOUR_WORDS[looks.STATE_COLOURS[looks.DRAW_FAULT]]
 ALWAYS_SHOWN: Final = (looks.DRAW_LOADED, looks.DRAW_EMPTY, looks.DRAW_WAITING, looks.DRAW_IDLE)
 WORDS_FROM: Final = 110  # columns from which states have words
 
@@ -207,6 +208,8 @@ def mode_word(
     """The kind of run, or how it ended; the end is never omitted, however narrow the screen."""
     if playback.failed:
         return word("failed", styles.COLOUR_FAULT, "play_pause")
+    if playback.ended(side) and playback.snapshots[side].robots.wait_cycle_ticks.any():
+        return word("deadlocked", styles.COLOUR_FAULT, "why")
     if playback.ended(side):
         return word(
             end_of(playback, side, recorded, whole),
@@ -259,11 +262,13 @@ def state_words(scene: Scene, glyphs: GlyphSet, words: bool) -> list[Word]:
     count = np.bincount(robots.state, minlength=len(looks.STATE_COLOURS))
     signs = drawn.shape_glyphs(glyphs)
     said = []
-    for state, (shape, name) in STATE_SIGNS.items():
+    for state, shape in STATE_SIGNS.items():
         common = state in ALWAYS_SHOWN or (state == looks.DRAW_CHARGING and scene.floor.battery)
         if count[state] or common:
-            text_of_state = f" {name}" if words else ""
-            number_of_robots = word(f"{count[state]:,}{text_of_state}").glyphs
+            name = looks.STATE_COLOURS[state]
+            name = FAULT_WORDS if state == looks.DRAW_FAULT else name
+            shown = f" {name}" if words else ""
+            number_of_robots = word(f"{count[state]:,}{shown}").glyphs
             colour = int(drawn.BODY_COLOURS[state]) if count[state] else styles.COLOUR_DIM
             sign = int(signs[shape, 0])
             action = "why" if state == looks.DRAW_FAULT else "robots"

@@ -98,7 +98,7 @@ class Viewer(App[None]):
         }
         for theme in themes():
             self.register_theme(theme)
-        self.theme = f"automaton-{options.theme}"
+        self.theme = f"automaton-{options.shown_theme}"
         self.set_class(self.session.look.depth <= Depth.SIXTEEN, "-few-colours")
         glyphs = self.session.glyphs
         self._spelling = [AsciiOnly()] if glyphs is ASCII else []

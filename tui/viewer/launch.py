@@ -8,11 +8,13 @@ import sys
 import threading
 from collections.abc import Callable, Iterator, MutableMapping
 from contextlib import contextmanager
+from dataclasses import replace
 from types import FrameType
 from typing import Final
 
 from automaton.errors import InputError
 from tui.playback.run_source import Opening, comparing_command
+from tui.terminal.background import asked_background, theme_of
 from tui.terminal.options import Options
 
 ENDING_SIGNALS: Final = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
@@ -35,6 +37,9 @@ def show(opening: Opening, options: Options) -> int:
         from tui.viewer.text_mode import run_in_text_mode
 
         return run_in_text_mode(opening)
+    if options.theme == "auto":
+        answer = b"" if _in_browser() else asked_background()
+        options = replace(options, theme=theme_of(os.environ, answer))
     os.environ.update(options.for_textual(os.environ))
     if not _in_browser():
         forget_size(os.environ)

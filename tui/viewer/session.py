@@ -112,7 +112,7 @@ class Session:
         self.divergence: Divergence | None = None
         self.recordings: list[Path] = list(opening.paths)
         self.glyphs = options.glyphs(os.environ)
-        self.look = Look(options.depth(os.environ), options.theme)
+        self.look = Look(options.depth(os.environ), options.shown_theme)
         self.pictures = Pictures(opening, self.glyphs)
         self.changed: Callable[[], None] = lambda: None  # the choice has changed: draw it
         self.published: Callable[[], None] = lambda: None  # there is a new state

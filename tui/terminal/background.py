@@ -22,7 +22,7 @@ QUESTION: Final = b"\x1b]11;?\x1b\\\x1b[c"
 KIND: Final = re.compile(rb"\x1b\[\?[\d;]*c")  # the answer to DA1
 BACKGROUND: Final = re.compile(rb"\x1b\]11;rgba?:([\da-f]+)/([\da-f]+)/([\da-f]+)", re.IGNORECASE)
 PATIENCE_S: Final = 0.5
-WEIGHTS: Final = (0.2126, 0.7152, 0.0722)  # of red, green and blue in luminance (BT.709)
+LUMINANCE: Final = (0.2126, 0.7152, 0.0722)  # of red, green and blue in luminance (BT.709)
 LIGHT_NUMBERS: Final = ("7", "15")  # of 16 colours, as the background in COLORFGBG
 
 
@@ -30,7 +30,7 @@ def theme_of(environ: Mapping[str, str], answer: bytes) -> Theme:
     """The theme for a terminal that gave this answer; without one, COLORFGBG decides, else dark."""
     if shade := BACKGROUND.search(answer):
         parts = [int(part, 16) / (16 ** len(part) - 1) for part in shade.groups()]
-        bright = sum(weight * part for weight, part in zip(WEIGHTS, parts, strict=True)) > 0.5
+        bright = sum(weight * part for weight, part in zip(LUMINANCE, parts, strict=True)) > 0.5
     else:
         bright = environ.get("COLORFGBG", "").rpartition(";")[2] in LIGHT_NUMBERS
     return "light" if bright else "dark"

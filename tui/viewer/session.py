@@ -440,14 +440,15 @@ class Display:
         camera = session.pictures.camera
         rows, columns = size.height or camera.rows, size.width or camera.columns
         codes = session.pictures.picture(session.scene(side), session.choice, rows, columns)
+        if side != session.choice.side:
+            return codes
         playback = session.playback
-        if playback is not None and side == session.choice.side and playback.ended(side):
-            if session.choice.card:
-                from tui.widgets.end_card import draw_end_card
+        if playback is None or playback.failed or not playback.ended(side):
+            session.choice.card = True  # at the end
+        elif session.choice.card:
+            from tui.widgets.end_card import draw_end_card
 
-                draw_end_card(codes, session.view())
-        elif side == session.choice.side:
-            session.choice.card = True  # again at the next end
+            draw_end_card(codes, session.view())
         return codes
 
     def _update_texts(self) -> bool:

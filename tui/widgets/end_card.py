@@ -16,7 +16,7 @@ from tui.render.styles import Codes, code, style, text
 if TYPE_CHECKING:
     from tui.playback.panel_view import View
 
-WIDEST: Final = 76  # columns of the text
+CARD_WIDTH: Final = 76  # columns of the text
 CARD_ROWS: Final = 12  # rows of the map from which the card has room
 MARGIN: Final = 2  # columns beside the text, and beside the card
 DOES: Final = "B other settings from here   s picture   r backwards   Esc closes this"
@@ -50,7 +50,7 @@ def end_lines(view: View, width: int) -> list[tuple[str, int]]:
 def draw_end_card(codes: Codes, view: View) -> None:
     """Draw the card at the bottom of a map, where there is room."""
     rows, columns = codes.shape
-    width = min(columns - 4 * MARGIN, WIDEST)
+    width = min(columns - 4 * MARGIN, CARD_WIDTH)
     lines = end_lines(view, width) if rows >= CARD_ROWS and width > 0 else []
     if not lines or len(lines) + 2 > rows // 2:
         return

@@ -26,11 +26,11 @@ from automaton.engine.state import NIL
 from tui.playback.run_source import Opening
 from tui.registration import layers, panels
 from tui.render.styles import ASCII, Depth, Look, to_ascii
-from tui.render.themes import themes
 from tui.screens.dialogs import ACROSS, DOWN, MIN_TERMINAL_COLUMNS, MIN_TERMINAL_ROWS, size_classes
 from tui.terminal.frame_pacing import quiet_collector
 from tui.terminal.map_view import MapView
 from tui.terminal.options import Options
+from tui.terminal.themes import themes
 from tui.viewer.branch_actions import BranchActions, Reloading
 from tui.viewer.seek_actions import ClockActions, FindActions
 from tui.viewer.session import Actions, Command, Display, Session

@@ -15,8 +15,8 @@ from typing import Final
 
 from automaton.errors import InputError
 from tui.playback.run_source import Opening, comparing_command
-from tui.terminal.background import asked_background, theme_of
 from tui.terminal.options import Options
+from tui.terminal.themes import asked_background, theme_of
 
 ENDING_SIGNALS: Final = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 CLOSE_TIMEOUT_S: Final = 3.0

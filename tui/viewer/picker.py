@@ -25,8 +25,8 @@ from tui.render.camera import Camera
 from tui.render.compose import compose
 from tui.render.scene import Scene, floor_of
 from tui.render.styles import GLYPH_BITS, GLYPHS, Codes, GlyphSet, Look
-from tui.render.themes import themes
 from tui.terminal.options import Options
+from tui.terminal.themes import themes
 
 DWELL_S: Final = 0.8  # after which a picture begins to move
 TICK_S: Final = 0.1  # between two ticks of a moving picture

@@ -6,11 +6,11 @@ import sys
 
 import pytest
 
-from tui.terminal.background import theme_of
 from tui.terminal.terminal_host import TerminalHost
+from tui.terminal.themes import theme_of
 
 ASKS = (
-    "import os; from tui.terminal.background import *;"
+    "import os; from tui.terminal.themes import *;"
     "print('it is', theme_of(os.environ, asked_background()))"
 )
 

@@ -1,4 +1,4 @@
-"""Whether the terminal is dark or light: it is asked for the colour of its background.
+"""The dark and the light theme; a terminal is asked which one fits the colour of its background.
 
 The question is OSC 11. Terminals answer in order, and all of them answer the question for their kind
 (DA1), which follows: a terminal that does not know its background needs no waiting time.
@@ -14,9 +14,13 @@ import termios
 import time
 import tty
 from collections.abc import Mapping
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
-from tui.render.styles import Theme
+from tui.render import styles
+from tui.render.styles import COLOUR_TABLE, Theme
+
+if TYPE_CHECKING:
+    from textual.theme import Theme as TextualTheme
 
 QUESTION: Final = b"\x1b]11;?\x1b\\\x1b[c"
 KIND: Final = re.compile(rb"\x1b\[\?[\d;]*c")  # the answer to DA1
@@ -54,3 +58,40 @@ def asked_background() -> bytes:
         return answer
     finally:
         termios.tcsetattr(keyboard, termios.TCSADRAIN, before)
+
+
+def themes() -> list[TextualTheme]:
+    """The dark and the light theme."""
+    return [_theme("dark"), _theme("light")]
+
+
+def _theme(theme: Theme) -> TextualTheme:
+    from textual.theme import Theme as TextualTheme  # not before its variables are set
+
+    def colour(row: int) -> str:
+        shades = COLOUR_TABLE[row].dark if theme == "dark" else COLOUR_TABLE[row].light
+        return f"#{shades.true:06x}"
+
+    return TextualTheme(
+        name=f"automaton-{theme}",
+        dark=theme == "dark",
+        primary=colour(styles.COLOUR_DESTINATION),
+        secondary=colour(styles.COLOUR_ROBOT),
+        accent=colour(styles.COLOUR_LOADED),
+        warning=colour(styles.COLOUR_LOADED),
+        error=colour(styles.COLOUR_FAULT),
+        success=colour(styles.COLOUR_DONE),
+        foreground=colour(styles.COLOUR_TEXT),
+        background=colour(styles.COLOUR_VOID),
+        surface=colour(styles.COLOUR_FLOOR),
+        panel="#262626" if theme == "dark" else "#dadada",
+        variables={
+            "footer-background": colour(styles.COLOUR_VOID),
+            "footer-key-foreground": colour(styles.COLOUR_LOADED),
+            "footer-description-foreground": colour(styles.COLOUR_DIM),
+            "text-disabled": colour(styles.COLOUR_DIM),  # of placeholders
+            "block-cursor-blurred-background": "#303030" if theme == "dark" else "#dadada",
+            "border": colour(styles.COLOUR_WALL),
+            "border-blurred": colour(styles.COLOUR_WALL),
+        },
+    )

@@ -62,6 +62,7 @@ CONDITION_WORDS: Final = (
 # Colours in which robots are drawn, by their names in the palette.
 COLOUR_WORDS: Final = {
     "parked": "parked",
+    "idle": "idle: without an order",
     "charging": "charging",
     "empty": "without a load",
     "loaded": "with a load",

@@ -175,6 +175,9 @@ def _show_traceback(debug: bool) -> None:
 
 
 def _dispatch(arguments: list[str], debug: bool) -> int:
+    if not arguments and sys.stdin.isatty() and sys.stdout.isatty():
+        chosen = importlib.import_module("tui.viewer.launch").pick_command(Path.cwd())
+        return DONE if chosen is None else _dispatch(chosen, debug)
     if not arguments or arguments[0] in ("-h", "--help", "help"):
         print(usage())
         return DONE

@@ -28,7 +28,7 @@ from automaton.commands.arguments import (
 )
 from automaton.documents.report_document import INDENT, Listed, ReportDocument
 from automaton.errors import InputError, refuse
-from automaton.floor.drawn_floors import write_matrix
+from automaton.floor.drawn_floors import floor_picture, write_matrix
 from automaton.floor.floor_plan import DESTINATION, DOCK, RACK, SHELF
 from automaton.scenario.columns import QuarantinedRows, rows_as_written
 from automaton.scenario.document import Document
@@ -66,6 +66,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="CSV",
         help=("write the floor to CSV as a matrix of cell codes"),
     )
+    parser.add_argument("--picture", action="store_true", help="draw the floor as text")
     parser.add_argument(
         "--trial",
         action="store_true",
@@ -111,11 +112,14 @@ class CheckedFile(NamedTuple):
     trial: dict[str, Any] | None = None
     error: str | None = None
     skipped: dict[str, Any] | None = None  # rows of the file of orders; None: none was
+    picture: str | None = None  # of the floor, with --picture
 
 
 def check_file(file: str, args: argparse.Namespace) -> CheckedFile:
     """Check a file, and print the result unless --json is given. Raises InputError."""
     if names_study(file):
+        if args.picture:
+            raise InputError(f"--picture draws the floor of one scenario; {file} is a study")
         study, scenarios = checked_study(file, args)
         line, warnings = described_study(study), study_warnings(study, scenarios)
         show([line], args)
@@ -142,7 +146,10 @@ def check_file(file: str, args: argparse.Namespace) -> CheckedFile:
     )
     lines = [described(resolved, names_right_of_way(document)), *(line for line in more if line)]
     lines += [write_quarantine(rows) for rows in quarantines(resolved)]
+    picture = floor_picture(resolved.floor_plan) if args.picture else None
     show(lines, args)
+    if picture is not None and not args.json:
+        print(f"\n{picture}\n")
     print_warnings(resolved)
     trial = None
     if args.trial:
@@ -152,9 +159,8 @@ def check_file(file: str, args: argparse.Namespace) -> CheckedFile:
         show(trial.lines(), args, INDENT)
     name, warnings = resolved.scenario.name, scenario_warnings(resolved)
     done = None if trial is None else trial.as_json()
-    return CheckedFile(
-        file, name, tuple(lines), tuple(warnings), done, skipped=resolved.skipped_rows
-    )
+    checked = CheckedFile(file, name, tuple(lines), tuple(warnings), done)
+    return checked._replace(skipped=resolved.skipped_rows, picture=picture)
 
 
 def quarantines(resolved: Resolved) -> list[QuarantinedRows]:

@@ -60,8 +60,8 @@ def add_display_arguments(parser: argparse.ArgumentParser) -> None:
     add("--ascii", action="store_true", help="draw the map with ASCII characters only")
     text = "set the color depth (default: auto)"
     add("--color", choices=("auto", "true", "256", "16", "none"), default="auto", help=text)
-    text = "set the colors (default: dark)"
-    add("--theme", choices=("dark", "light"), default="dark", help=text)
+    text = "set the colors (default: auto, as the background of the terminal)"
+    add("--theme", choices=("auto", "dark", "light"), default="auto", help=text)
     add("--plain", action="store_true", help="print metrics as text, without a screen")
     group = parser.add_argument_group("sentences, for logs and screen readers")
     add = group.add_argument

@@ -13,6 +13,7 @@ from typing import Any, Final, Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from automaton.engine.observation import CAUSE_NO_ORDER, is_waiting
 from automaton.engine.robot_states import is_charging
 from automaton.engine.state import (
     BATTERY_PERCENT,
@@ -60,6 +61,7 @@ PALETTE: Final[dict[str, tuple[int, int]]] = {
     "done": (0x009E73, 0x007A58),
     "cursor": (0x5FFFD7, 0x20D8B0),
     "parked": (0x5F87AF, 0x5F7F9F),
+    "idle": (0xBFBFBF, 0x4F4F4F),
     "charging": (0xF0E442, 0x4E7A00),
     "empty": (0x56B4E9, 0x0072B2),
     "loaded": (0xE69F00, 0xA85F00),
@@ -80,14 +82,15 @@ KIND_COLOURS: Final = {
 }
 # States of a robot, the worst last.
 DRAW_PARKED: Final = 0
-DRAW_CHARGING: Final = 1
-DRAW_EMPTY: Final = 2
-DRAW_LOADED: Final = 3
-DRAW_LOW_BATTERY: Final = 4
-DRAW_WAITING: Final = 5
-DRAW_FAULT: Final = 6  # in a wait cycle, or down
+DRAW_IDLE: Final = 1  # on the floor without an order
+DRAW_CHARGING: Final = 2
+DRAW_EMPTY: Final = 3
+DRAW_LOADED: Final = 4
+DRAW_LOW_BATTERY: Final = 5
+DRAW_WAITING: Final = 6
+DRAW_FAULT: Final = 7  # in a wait cycle, or down
 STATE_COLOURS: Final = (
-    *("parked", "charging", "empty", "loaded", "low battery", "waiting", "fault"),
+    *("parked", "idle", "charging", "empty", "loaded", "low battery", "waiting", "fault"),
 )
 # Shapes of a robot.
 SHAPE_HOLLOW: Final = 0
@@ -98,6 +101,7 @@ SHAPE_VOID: Final = 4  # empty battery
 SHAPE_CROSS: Final = 5  # broken
 SHAPE_THIN: Final = 6  # low battery
 SHAPE_BOXED: Final = 7  # low battery, with a load
+SHAPE_RING: Final = 8  # idle
 WITH_LOAD: Final = (SHAPE_FILLED, SHAPE_BOXED)
 LOW_CHARGE: Final = 20 * BATTERY_PERCENT
 
@@ -204,10 +208,12 @@ def robot_looks(
     """
     loaded, parked = robots.load != NIL, robots.parked != 0
     state = np.where(loaded, np.uint8(DRAW_LOADED), np.uint8(DRAW_EMPTY))
-    state[robots.cause != 0] = DRAW_WAITING
+    idle = robots.cause == CAUSE_NO_ORDER
+    state[idle] = DRAW_IDLE
+    state[is_waiting(robots.cause)] = DRAW_WAITING
     state[parked] = DRAW_PARKED
     state[robots.wait_cycle_ticks != 0] = DRAW_FAULT
-    shape = loaded.astype(np.uint8)
+    shape = np.where(idle, np.uint8(SHAPE_RING), loaded.astype(np.uint8))
     shape[parked] = SHAPE_SQUARE
     if battery:
         plugged = is_charging(robots)

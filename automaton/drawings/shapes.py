@@ -15,6 +15,7 @@ from automaton.drawings.looks import (
     KIND_MASK,
     SHAPE_CROSS,
     SHAPE_PLUG,
+    SHAPE_RING,
     SHAPE_SQUARE,
     STATE_COLOURS,
     WITH_LOAD,
@@ -134,7 +135,9 @@ def robot_shapes(state: int, shape: int, direction: int, name: str = "") -> tupl
         body.append(Disc(0.5, 0.5, r - 0.06, "floor", 0.04))  # visible without colours
     if shape == SHAPE_CROSS:
         return *body, *_cross(0.2)
-    if shape not in (SHAPE_SQUARE, SHAPE_PLUG):
+    if shape == SHAPE_RING:
+        body.append(Disc(0.5, 0.5, 0.45 * r, "floor", 0.05))
+    elif shape not in (SHAPE_SQUARE, SHAPE_PLUG):
         body.append(Disc(*_towards(direction, 0.8 * r), 0.2 * r, "floor"))
     if shape in WITH_LOAD:
         corner, side = 0.5 - LOAD_SIDE / 2, LOAD_SIDE

@@ -21,6 +21,7 @@ from automaton.scenario.reading import read
 from automaton.scenario.schema import LAYER_NAMES, Scenario
 from automaton.scenario.text_files import shipped
 from automaton.strategy import lookup
+from automaton.studies.sweeps.study import shipped_studies
 from automaton.world.resolve import resolve
 
 HEAVY = ("numba", "textual", "rich")
@@ -40,6 +41,19 @@ def test_check_says_one_line_about_each_good_file(capsys: pytest.CaptureFixture[
         "tabletop-1: 50 shelves, 12 destinations, 4 robots, ok",
         "tabletop-mini: 25 shelves, 7 destinations, 3 robots, ok",
     ]
+
+
+def test_check_draws_the_floor(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["check", "goods-mini", "--picture"]) == 0
+    floor = ">>>>>>>>>v\n^#pppp#q#v\n^########v\n^<<<<t<<<<"
+    assert floor in capsys.readouterr().out
+    assert main(["check", "goods-mini", "--picture", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)[0]["picture"].startswith(floor)
+    study = next(iter(shipped_studies()))
+    assert main(["check", study, "--picture"]) == 2
+    assert (
+        f"--picture draws the floor of one scenario; {study} is a study" in capsys.readouterr().err
+    )
 
 
 def test_check_takes_settings_as_run_does(capsys: pytest.CaptureFixture[str]) -> None:

@@ -16,7 +16,7 @@ if TYPE_CHECKING:  # most need Numba
     from automaton.history.snapshot import Snapshot
     from automaton.history.watched_run import WatchedRun
     from automaton.runs.progress import Jam
-    from tui.playback.playback_state import PlaybackState
+    from tui.playback.playback_state import PlaybackState, RunFigures
     from tui.render.camera import Zoom
     from tui.render.scene import Scene
     from tui.render.styles import GlyphSet, Look
@@ -62,6 +62,11 @@ class View:
     def snapshot(self) -> Snapshot:
         """The snapshot of the run."""
         return self.playback.snapshots[self.side]
+
+    @property
+    def measured(self) -> RunFigures:
+        """The metrics of the run at its tick."""
+        return self.playback.figures[self.side]
 
     @property
     def run(self) -> WatchedRun:

@@ -370,13 +370,12 @@ def draw_robots(canvas: Canvas) -> None:
     scene = canvas.scene
     robots = fleet.robots_of(scene)
     index, which = canvas.at(robots.cell)
+    body, ink = chosen_colours(scene, robots.colour)
     if canvas.height > 1:
-        body, ink = chosen_colours(scene, fleet.body_colours(scene, robots))
         canvas.flat[index] = fleet.drawn_robots(canvas, robots, which, body[which], ink[which])
     else:
-        body, ink = chosen_colours(scene, robots.colour)
         draw_signs(canvas, robots, index, which, style(ink, body)[which])
-    draw_crowds(canvas, index, which, robots.state, chosen_colours(scene, robots.colour))
+    draw_crowds(canvas, index, which, robots.state, (body, ink))
 
 
 def draw_signs(

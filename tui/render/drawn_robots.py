@@ -28,9 +28,7 @@ from numpy.typing import NDArray
 
 from automaton.drawings import looks
 from automaton.drawings.looks import (
-    DRAW_EMPTY,
     DRAW_FAULT,
-    DRAW_LOADED,
     DRAW_PARKED,
     STATE_COLOURS,
     cell_of,
@@ -70,6 +68,7 @@ BODY_COLOURS: Final = np.array(
     [
         *(
             styles.COLOUR_PARKED,
+            styles.COLOUR_IDLE,
             styles.COLOUR_CHARGING,
             styles.COLOUR_ROBOT,
             styles.COLOUR_LOADED,
@@ -105,7 +104,9 @@ MARGIN_HEIGHT: Final = 5  # rows of a cell from which robots have a margin above
 BAR_HEIGHT: Final = 3  # rows of a cell from which the bar fits
 POINT: Final = 3  # maximum depth of a pointed front in pixels; a quarter of large robots
 
-HEADLESS: Final = (looks.SHAPE_SQUARE, looks.SHAPE_PLUG, looks.SHAPE_VOID, looks.SHAPE_CROSS)
+HEADLESS: Final = (
+    *(looks.SHAPE_SQUARE, looks.SHAPE_PLUG, looks.SHAPE_VOID, looks.SHAPE_CROSS, looks.SHAPE_RING),
+)
 # The foreground of blanks, which unlike signs are never underlined.
 BLANK_INK: Final = styles.COLOUR_VOID
 
@@ -136,19 +137,13 @@ def colours_of(scene: Scene, state: NDArray[np.uint8]) -> NDArray[np.uint32]:
     return BODY_COLOURS[coloured(scene, state)]
 
 
-def body_colours(scene: Scene, robots: DrawnRobots) -> NDArray[np.uint32]:
-    """(n,) the colours of bodies, where the load has its own colour."""
-    state = np.where(robots.state == DRAW_LOADED, np.uint8(DRAW_EMPTY), robots.state)
-    return colours_of(scene, state)
-
-
 def shape_glyphs(glyphs: GlyphSet) -> NDArray[np.uint32]:
     """(shapes, 4) glyphs by shape and direction."""
     still = (glyphs.parked, glyphs.charging, glyphs.drained, glyphs.fault)
     return np.array(
         [
             *(glyphs.robot, glyphs.loaded, *([one] * 4 for one in still)),
-            *(glyphs.low, glyphs.low_loaded),
+            *(glyphs.low, glyphs.low_loaded, [glyphs.idle] * 4),
         ],
         np.uint32,
     )

@@ -232,6 +232,7 @@ class Choice:
     colouring: str = "state"  # a key of tui.render.drawn_robots.COLOURINGS
     trails: bool = False
     lines: str = ""  # lines to goals of "selected" or "all" robots; "": none
+    card: bool = True  # at the end of a run: its result
 
     @property
     def laid(self) -> str:

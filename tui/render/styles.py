@@ -85,6 +85,7 @@ class GlyphSet:
     robot: Final = _shapes("▹▿◃▵", ">v<^")
     loaded: Final = _shapes("▸▾◂▴", "}V{A")
     parked: Final = _shape("⊡", "p")
+    idle: Final = _shape("⊚", "I")
     low: Final = _shapes("≻⋎≺⋏", "!!!!")  # with a nearly empty battery
     low_loaded: Final = _shapes("⍄⍌⍃⍓", "&&&&")
     charging: Final = _shape("⊞", "C")
@@ -315,6 +316,7 @@ COLOUR_ROUTE: Final = _row("route", (0xE4E4E4, 254, 15), (0x303030, 236, 13))
 COLOUR_MARKED: Final = _row("marked", (0xCDB2FF, 183, 4), (0xCDB2FF, 183, 14))
 # Robots.
 COLOUR_PARKED: Final = _row("parked", (0x6A93BC, 67, 6), (0x56738F, 24, 8))
+COLOUR_IDLE: Final = _row("idle", (0xBFBFBF, 250, 7), (0x4F4F4F, 239, 8))
 COLOUR_CLASS_0: Final = _row("robots 0", (0x6EA8FE, 111, 12), (0x1F5FBF, 25, 4))
 COLOUR_CLASS_1: Final = _row("robots 1", (0xF0E442, 227, 11), (0x7A6A00, 58, 8))
 COLOUR_CLASS_2: Final = _row("robots 2", (0x2EC4B6, 43, 14), (0x00706A, 23, 12))

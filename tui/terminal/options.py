@@ -39,7 +39,7 @@ class Options:
     renderer: Renderer = "auto"
     ascii: bool = False
     color: str = "auto"  # or a key of tui.render.styles.DEPTHS
-    theme: Theme = "dark"
+    theme: Theme | Literal["auto"] = "dark"  # auto: as the background of the terminal
     max_kbit: float | None = None
     plain: bool = False
     describe: bool = False  # sentences instead of a screen,
@@ -50,6 +50,11 @@ class Options:
     def of(cls, args: argparse.Namespace) -> Options:
         """The options of a parsed command line."""
         return cls(**{field.name: getattr(args, field.name) for field in fields(cls)})
+
+    @property
+    def shown_theme(self) -> Theme:
+        """The theme, dark if the terminal has not been asked."""
+        return "light" if self.theme == "light" else "dark"
 
     def depth(self, environ: Mapping[str, str]) -> Depth:
         """The colours to use."""

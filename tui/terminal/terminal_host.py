@@ -28,6 +28,7 @@ from types import TracebackType
 LINK_PIECE_BYTES = 512  # bytes that a slow link carries in one piece
 QUESTIONS = {
     b"\x1b[6n": b"\x1b[1;1R",  # where is the cursor?
+    b"\x1b[c": b"\x1b[?62c",  # what kind are you?
     b"\x1b[?2026$p": b"\x1b[?2026;2$y",  # do you know synchronized output?
 }
 FRAME_END = b"\x1b[6n"  # the query that ends each frame of the viewer

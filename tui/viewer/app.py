@@ -19,19 +19,18 @@ from textual.filter import LineFilter
 from textual.notifications import SeverityLevel
 from textual.screen import Screen
 from textual.scrollbar import ScrollBar, ScrollBarRender
-from textual.theme import Theme as TextualTheme
 from textual.widget import Widget
 from textual.widgets import Static
 
 from automaton.engine.state import NIL
 from tui.playback.run_source import Opening
 from tui.registration import layers, panels
-from tui.render import styles
-from tui.render.styles import ASCII, COLOUR_TABLE, Depth, Look, Theme, to_ascii
+from tui.render.styles import ASCII, Depth, Look, to_ascii
 from tui.screens.dialogs import ACROSS, DOWN, MIN_TERMINAL_COLUMNS, MIN_TERMINAL_ROWS, size_classes
 from tui.terminal.frame_pacing import quiet_collector
 from tui.terminal.map_view import MapView
 from tui.terminal.options import Options
+from tui.terminal.themes import themes
 from tui.viewer.branch_actions import BranchActions, Reloading
 from tui.viewer.seek_actions import ClockActions, FindActions
 from tui.viewer.session import Actions, Command, Display, Session
@@ -98,7 +97,7 @@ class Viewer(App[None]):
         }
         for theme in themes():
             self.register_theme(theme)
-        self.theme = f"automaton-{options.theme}"
+        self.theme = f"automaton-{options.shown_theme}"
         self.set_class(self.session.look.depth <= Depth.SIXTEEN, "-few-colours")
         glyphs = self.session.glyphs
         self._spelling = [AsciiOnly()] if glyphs is ASCII else []
@@ -404,41 +403,6 @@ class TooSmall(Static):
 
 
 # Themes for all widgets, from the colours of the map.
-
-
-def themes() -> list[TextualTheme]:
-    """The dark and the light theme."""
-    return [_theme("dark"), _theme("light")]
-
-
-def _theme(theme: Theme) -> TextualTheme:
-    def colour(row: int) -> str:
-        shades = COLOUR_TABLE[row].dark if theme == "dark" else COLOUR_TABLE[row].light
-        return f"#{shades.true:06x}"
-
-    return TextualTheme(
-        name=f"automaton-{theme}",
-        dark=theme == "dark",
-        primary=colour(styles.COLOUR_DESTINATION),
-        secondary=colour(styles.COLOUR_ROBOT),
-        accent=colour(styles.COLOUR_LOADED),
-        warning=colour(styles.COLOUR_LOADED),
-        error=colour(styles.COLOUR_FAULT),
-        success=colour(styles.COLOUR_DONE),
-        foreground=colour(styles.COLOUR_TEXT),
-        background=colour(styles.COLOUR_VOID),
-        surface=colour(styles.COLOUR_FLOOR),
-        panel="#262626" if theme == "dark" else "#dadada",
-        variables={
-            "footer-background": colour(styles.COLOUR_VOID),
-            "footer-key-foreground": colour(styles.COLOUR_LOADED),
-            "footer-description-foreground": colour(styles.COLOUR_DIM),
-            "text-disabled": colour(styles.COLOUR_DIM),  # of placeholders
-            "block-cursor-blurred-background": "#303030" if theme == "dark" else "#dadada",
-            "border": colour(styles.COLOUR_WALL),
-            "border-blurred": colour(styles.COLOUR_WALL),
-        },
-    )
 
 
 # All other widgets in ASCII: frames, scroll bars, ellipses and names.

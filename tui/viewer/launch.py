@@ -8,17 +8,39 @@ import sys
 import threading
 from collections.abc import Callable, Iterator, MutableMapping
 from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
 from types import FrameType
 from typing import Final
 
 from automaton.errors import InputError
 from tui.playback.run_source import Opening, comparing_command
 from tui.terminal.options import Options
+from tui.terminal.themes import asked_background, theme_of
 
 ENDING_SIGNALS: Final = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 CLOSE_TIMEOUT_S: Final = 3.0
 
 BAD_INPUT = 2  # also for a failing strategy
+
+
+def pick_command(folder: Path) -> list[str] | None:
+    """Let the user choose what to open; returns the command line, or None."""
+    options = fitting_terminal(Options(theme="auto"))
+    os.environ.update(options.for_textual(os.environ))
+    forget_size(os.environ)
+    draw_on_terminal()
+    from tui.viewer.picker import pick
+
+    return pick(folder, options)
+
+
+def fitting_terminal(options: Options) -> Options:
+    """The options with the theme that fits the terminal, unless the user has chosen one."""
+    if options.theme != "auto":
+        return options
+    answer = b"" if _in_browser() else asked_background()
+    return replace(options, theme=theme_of(os.environ, answer))
 
 
 def show(opening: Opening, options: Options) -> int:
@@ -35,6 +57,7 @@ def show(opening: Opening, options: Options) -> int:
         from tui.viewer.text_mode import run_in_text_mode
 
         return run_in_text_mode(opening)
+    options = fitting_terminal(options)
     os.environ.update(options.for_textual(os.environ))
     if not _in_browser():
         forget_size(os.environ)

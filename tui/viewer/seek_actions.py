@@ -283,7 +283,7 @@ class FindActions:
         self._session.choose()
         self._found, self._stepping = None, "events"
         self._session.choice.matches = self._session.choice.match_cells = NO_CELLS
-        self._session.hovered = NIL
+        self._session.hovered, self._session.choice.card = NIL, False
         self._app.screen.remove_class("-map-alone")
         self._panels.leave()
         self._session.changed()

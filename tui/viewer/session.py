@@ -34,7 +34,9 @@ from tui.render.styles import Codes, Look
 from tui.terminal.frame_pacing import FrameClock, FramePacer
 from tui.terminal.map_view import MapView, Presenter
 from tui.terminal.options import Options
+from tui.widgets.legend_panel import floor_legend
 from tui.widgets.status import (
+    WORDS_FROM,
     Word,
     WordLine,
     choice_words,
@@ -42,6 +44,7 @@ from tui.widgets.status import (
     end_words,
     fleet_words,
     head_words,
+    legend_words,
     link_words,
     long_tick_words,
     mode_word,
@@ -73,8 +76,7 @@ NOTICE_COLOURS: Final = {
 HINTS: Final = (  # text, action of a click, rank
     ("? help", "help", 0),
     ("space play", "play_pause", 1),
-    ("click a robot or a cell", "", 2),
-    ("ctrl+p all commands", "command_palette", 3),
+    ("ctrl+p all commands", "command_palette", 2),
 )
 
 
@@ -110,7 +112,7 @@ class Session:
         self.divergence: Divergence | None = None
         self.recordings: list[Path] = list(opening.paths)
         self.glyphs = options.glyphs(os.environ)
-        self.look = Look(options.depth(os.environ), options.theme)
+        self.look = Look(options.depth(os.environ), options.shown_theme)
         self.pictures = Pictures(opening, self.glyphs)
         self.changed: Callable[[], None] = lambda: None  # the choice has changed: draw it
         self.published: Callable[[], None] = lambda: None  # there is a new state
@@ -437,7 +439,17 @@ class Display:
         session, size = self._session, self.maps[side].size
         camera = session.pictures.camera
         rows, columns = size.height or camera.rows, size.width or camera.columns
-        return session.pictures.picture(session.scene(side), session.choice, rows, columns)
+        codes = session.pictures.picture(session.scene(side), session.choice, rows, columns)
+        if side != session.choice.side:
+            return codes
+        playback = session.playback
+        if playback is None or playback.failed or not playback.ended(side):
+            session.choice.card = True  # at the end
+        elif session.choice.card:
+            from tui.widgets.end_card import draw_end_card
+
+            draw_end_card(codes, session.view())
+        return codes
 
     def _update_texts(self) -> bool:
         """Update lines and panels if they are stale and due; returns whether a line changed."""
@@ -463,7 +475,9 @@ class Display:
             changed |= self.status.set_words([word(state, styles.COLOUR_DIM)])
             return changed
         words = time_words(playback, choice.side, session.speed, self._unit, session.glyphs)
-        words += fleet_words(playback.snapshots[choice.side], playback.figures[choice.side])
+        with_words = self.status.size.width >= WORDS_FROM
+        figures = playback.figures[choice.side]
+        words += fleet_words(session.scene(), figures, session.glyphs, with_words)
         words += choice_words(choice.robot, choice.following, choice.laid)
         changed |= self.status.set_words(words, [self.mode(playback)])
         changed |= self.timeline.set_content(self._past(playback))
@@ -524,7 +538,10 @@ class Display:
             return [word(describe(session.scene(), choice.cell))]
         if session.divergence is not None:
             return [word(session.divergence.text, styles.COLOUR_TEXT, "next_difference")]
-        return [word(text, styles.COLOUR_DIM, action, rank) for text, action, rank in HINTS]
+        hints = [word(text, styles.COLOUR_DIM, action, rank) for text, action, rank in HINTS]
+        scene, pictures = session.scene(), session.pictures
+        signs = floor_legend(scene, pictures.camera.zoom, session.glyphs)
+        return hints + legend_words(signs, len(HINTS))
 
     def _update_panels(self, now: float) -> None:
         session, pause = self._session, STRAINED_S if self.frames.pace.strained else PANELS_S

@@ -48,7 +48,8 @@ SIGN_COLUMNS = 9  # columns for the signs
 WAIT_CYCLE = COLOUR_WORDS["fault"].partition(",")[0]
 FAR_STATES = (
     *(looks.DRAW_FAULT, looks.DRAW_WAITING, looks.DRAW_LOW_BATTERY, looks.DRAW_LOADED),
-    *(looks.DRAW_EMPTY, looks.DRAW_CHARGING, looks.DRAW_PARKED),
+    *(looks.DRAW_EMPTY, looks.DRAW_CHARGING, looks.DRAW_IDLE),
+    looks.DRAW_PARKED,
 )
 
 
@@ -104,7 +105,12 @@ def legend(scene: Scene, zoom: Zoom, glyphs: GlyphSet) -> list[LegendLine]:
         colours = [LegendLine(*entry) for entry in colour_entries(scene, sign)]
         entries = colours + _without_colours(entries, near)
     entries = _layer(scene, glyphs) + entries + _overlays(scene, zoom, glyphs)
-    return entries + (_cells(scene, glyphs) if near else _far_cells(scene, glyphs))
+    return entries + floor_legend(scene, zoom, glyphs)
+
+
+def floor_legend(scene: Scene, zoom: Zoom, glyphs: GlyphSet) -> list[LegendLine]:
+    """The entries of the cells of this floor."""
+    return _cells(scene, glyphs) if zoom.kind == "cells" else _far_cells(scene, glyphs)
 
 
 def _layer(scene: Scene, glyphs: GlyphSet) -> list[LegendLine]:
@@ -143,10 +149,10 @@ def _robots(scene: Scene, zoom: Zoom, glyphs: GlyphSet) -> list[LegendLine]:
 
     def signs(state: int, shape: int, directions: tuple[int, ...]) -> tuple[int, ...]:
         loaded = zoom.is_drawn and state == looks.DRAW_LOADED
-        body = int(fleet.BODY_COLOURS[looks.DRAW_EMPTY if loaded else state])
+        body = int(fleet.BODY_COLOURS[state])
         written = style(styles.COLOUR_FLOOR, body)
         drawn = tuple(int(code(written, shapes[shape, d])) for d in directions)
-        cargo = style(styles.COLOUR_FLOOR, styles.COLOUR_LOADED)
+        cargo = style(styles.COLOUR_FLOOR, styles.COLOUR_TEXT)
         return (*drawn, int(code(cargo, glyphs.blank))) if loaded else drawn
 
     ways = (0, 1, 2, 3)
@@ -159,6 +165,7 @@ def _robots(scene: Scene, zoom: Zoom, glyphs: GlyphSet) -> list[LegendLine]:
         LegendLine(signs(looks.DRAW_LOADED, looks.SHAPE_FILLED, ways), f"robot with a {load}"),
         LegendLine(signs(looks.DRAW_WAITING, looks.SHAPE_HOLLOW, (0,)), waits),
         LegendLine(signs(looks.DRAW_FAULT, looks.SHAPE_HOLLOW, (0,)), WAIT_CYCLE),
+        LegendLine(signs(looks.DRAW_IDLE, looks.SHAPE_RING, (0,)), COLOUR_WORDS["idle"]),
         LegendLine(signs(looks.DRAW_PARKED, looks.SHAPE_SQUARE, (0,)), COLOUR_WORDS["parked"]),
     ]
     if scene.floor.battery:

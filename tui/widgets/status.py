@@ -1,7 +1,7 @@
 """The lines under the map: time, the fleet, the selection, and the content of a cell.
 
-> x4 40/s  tick 1,234 of 2,616  617 s  4 work  1 waits  23/50 delivered  visits  robot 3  recorded
 (12, 4) shelf with load 7                                       link 48 KB/s  rtt 52 ms  fps 30
+> x4 40/s  tick 1,234 of 2,616  617 s  }2 loaded  >1 empty  >1 waiting  I1 idle  23/50 delivered
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ import numpy as np
 from textual.app import ComposeResult
 from textual.widgets import Footer
 
+from automaton.drawings import looks
 from automaton.drawings.looks import DETAIL_ONE_WAY, DETAIL_SHIFT, KIND_MASK
 from automaton.engine.state import (
     BATTERY_PERCENT,
@@ -41,8 +42,9 @@ from automaton.history.state_words import (
     words_of,
 )
 from automaton.units import Unit, number
-from automaton.vocabulary import robot_word, with_cause
+from automaton.vocabulary import COLOUR_WORDS, robot_word, with_cause
 from tui.registration import layers
+from tui.render import drawn_robots as drawn
 from tui.render import styles
 from tui.render.layer import scale_line
 from tui.render.scene import DETAIL_PASSING, DETAIL_UNLIMITED, Scene
@@ -51,7 +53,6 @@ from tui.terminal.map_view import MapView
 from tui.widgets.bindings import do
 
 if TYPE_CHECKING:
-    from automaton.history.snapshot import Snapshot
     from tui.playback.playback_state import PlaybackState, RunFigures
     from tui.terminal.frame_pacing import LinkFigures as LinkFigures
 
@@ -59,6 +60,21 @@ if TYPE_CHECKING:
 NEARLY_DONE = 0.9  # this share of the requested speed counts as reached
 SCALE_RANK = 1  # if not all words fit, hints are omitted first, then scales, then messages
 MAX_DESCRIBED_ROBOTS = 3  # described in one line
+
+# Drawn states of robots, in the order of the status line.
+STATE_SIGNS: Final = {  # a shape that robots have in this state
+    looks.DRAW_LOADED: looks.SHAPE_FILLED,
+    looks.DRAW_EMPTY: looks.SHAPE_HOLLOW,
+    looks.DRAW_WAITING: looks.SHAPE_HOLLOW,
+    looks.DRAW_IDLE: looks.SHAPE_RING,
+    looks.DRAW_CHARGING: looks.SHAPE_PLUG,
+    looks.DRAW_LOW_BATTERY: looks.SHAPE_THIN,
+    looks.DRAW_PARKED: looks.SHAPE_SQUARE,
+    looks.DRAW_FAULT: looks.SHAPE_HOLLOW,
+}
+FAULT_WORDS: Final = COLOUR_WORDS[looks.STATE_COLOURS[looks.DRAW_FAULT]]
+ALWAYS_SHOWN: Final = (looks.DRAW_LOADED, looks.DRAW_EMPTY, looks.DRAW_WAITING, looks.DRAW_IDLE)
+WORDS_FROM: Final = 110  # columns from which states have words
 
 LASTING_KEYS: Final = (do("help"), do("quit"))  # never omitted; others are, the last first
 
@@ -74,8 +90,8 @@ class Word(NamedTuple):
 
     @property
     def text(self) -> str:
-        """The text of an ASCII word."""
-        return bytes(self.glyphs).decode("ascii")
+        """The text of the word."""
+        return "".join(styles.UNICODE.characters[glyph] for glyph in self.glyphs)
 
 
 def word(words: str, fg: int = styles.COLOUR_TEXT, action: str = "", rank: int = 0) -> Word:
@@ -192,6 +208,8 @@ def mode_word(
     """The kind of run, or how it ended; the end is never omitted, however narrow the screen."""
     if playback.failed:
         return word("failed", styles.COLOUR_FAULT, "play_pause")
+    if playback.ended(side) and playback.snapshots[side].robots.wait_cycle_ticks.any():
+        return word("deadlocked", styles.COLOUR_FAULT, "why")
     if playback.ended(side):
         return word(
             end_of(playback, side, recorded, whole),
@@ -217,28 +235,44 @@ def end_of(playback: PlaybackState, side: int, recorded: bool, whole: bool) -> s
     return "ended" if recorded else "limit reached"
 
 
-def fleet_words(snapshot: Snapshot, figures: RunFigures) -> list[Word]:
-    """Numbers of working, waiting and starved robots, and of delivered orders."""
-    now, starved, jam = summarize(snapshot), len(figures.starved), figures.jam
-    said = [
-        word(f"{now.working:,} working", styles.COLOUR_ROBOT, "robots", 2),
-        word(
-            f"{now.waiting:,} waiting",
-            styles.COLOUR_WAITING if now.waiting else styles.COLOUR_DIM,
-            "robots",
-            1,
-        ),
-        word(f"{now.delivered:,}/{now.orders:,} delivered", styles.COLOUR_DONE, "events", 1),
-    ]
+def fleet_words(scene: Scene, figures: RunFigures, glyphs: GlyphSet, words: bool) -> list[Word]:
+    """Numbers of robots by their drawn state, of starved robots, and of delivered orders."""
+    assert scene.snapshot is not None
+    now, starved, jam = summarize(scene.snapshot), len(figures.starved), figures.jam
+    said = state_words(scene, glyphs, words)
+    if starved:
+        said.append(word(f"{starved:,} starved", styles.COLOUR_FAULT, "robots", 1))
+    if jam is not None:
+        said.append(word(f"jam {len(jam.robots):,}", styles.COLOUR_FAULT, "jam", 1))
+    done = f"{now.delivered:,}/{now.orders:,} delivered"
+    said.append(word(done, styles.COLOUR_DONE, "events", 2))
     if now.lines:
         lines = word(f"{now.lines_done:,}/{now.lines:,} lines", styles.COLOUR_DONE, "events", 5)
         said.append(lines)
-    if now.circling:
-        said.insert(2, word(f"{now.circling:,} in a wait cycle", styles.COLOUR_FAULT, "why", 4))
-    if starved:
-        said.insert(2, word(f"{starved:,} starved", styles.COLOUR_FAULT, "robots", 1))
-    if jam is not None:
-        said.insert(3, word(f"jam {len(jam.robots):,}", styles.COLOUR_FAULT, "jam", 1))
+    return said
+
+
+def state_words(scene: Scene, glyphs: GlyphSet, words: bool) -> list[Word]:
+    """The number of robots in each drawn state, with its sign and colour; they add up to the fleet.
+
+    Without `words`, the sign alone shows the state. States without robots are shown if any robot of this
+    floor can often be in them, so that the line does not jump.
+    """
+    robots = drawn.robots_of(scene)
+    count = np.bincount(robots.state, minlength=len(looks.STATE_COLOURS))
+    signs = drawn.shape_glyphs(glyphs)
+    said = []
+    for state, shape in STATE_SIGNS.items():
+        common = state in ALWAYS_SHOWN or (state == looks.DRAW_CHARGING and scene.floor.battery)
+        if count[state] or common:
+            name = looks.STATE_COLOURS[state]
+            name = FAULT_WORDS if state == looks.DRAW_FAULT else name
+            shown = f" {name}" if words else ""
+            number_of_robots = word(f"{count[state]:,}{shown}").glyphs
+            colour = int(drawn.BODY_COLOURS[state]) if count[state] else styles.COLOUR_DIM
+            sign = int(signs[shape, 0])
+            action = "why" if state == looks.DRAW_FAULT else "robots"
+            said.append(Word((sign, *number_of_robots), colour, action, 1))
     return said
 
 
@@ -279,6 +313,17 @@ def long_tick_words(tick: int, seconds: float, waited: bool) -> str:
     took = f"{seconds:.1f}" if seconds < 1 else f"{int(seconds):,}"
     waits = "; your request waits for it" if waited else ""
     return f"computing tick {tick:,}, {took} s{waits}"
+
+
+def legend_words(entries: Sequence[tuple[tuple[int, ...], str]], rank: int) -> list[Word]:
+    """The entries of a legend as words; the last ones are omitted first, from this rank on."""
+    plain, said = style(styles.COLOUR_DIM, styles.COLOUR_VOID), []
+    for entry, (signs, meaning) in enumerate(entries):
+        written = (int(code(plain, glyph)) for glyph in text(f" {meaning}"))
+        codes = (*signs[:1], *written)
+        shown = tuple(one & int(GLYPHS) for one in codes)
+        said.append(Word(shown, styles.COLOUR_DIM, "legend", rank + entry, codes))
+    return said
 
 
 def link_words(figures: LinkFigures) -> list[Word]:

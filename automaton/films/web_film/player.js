@@ -194,7 +194,7 @@ function drawShut(ctx, width, height) {
 
 // Robots
 
-// Shapes: hollow, filled (with a load), square (parked), plug, void, cross, thin, boxed.
+// Shapes: hollow, filled (with a load), square (parked), plug, void, cross, thin, boxed, ring (idle).
 function drawRobot(ctx, x, y, size, mark, name) {
   const state = mark & 7, direction = (mark >> 3) & 3, shape = mark >> 5;
   const colour = colours().states[state], r = Math.max(size * 0.42, 3.5);
@@ -208,7 +208,8 @@ function drawRobot(ctx, x, y, size, mark, name) {
   ctx.strokeStyle = colours().floor;
   ctx.stroke();
   if (shape === 5) return cross(ctx, x, y, r * 0.5);
-  if (shape !== 2 && shape !== 3) nose(ctx, x, y, r, direction);
+  if (shape === 8) ring(ctx, x, y, r * 0.45);
+  else if (shape !== 2 && shape !== 3) nose(ctx, x, y, r, direction);
   if (shape === 1 || shape === 7) {
     ctx.fillStyle = colours().load;
     ctx.fillRect(x - r * 0.5, y - r * 0.5, r, r);
@@ -229,6 +230,12 @@ function cross(ctx, x, y, r) {
     ctx.moveTo(x - r, y - r * side);
     ctx.lineTo(x + r, y + r * side);
   }
+  ctx.stroke();
+}
+
+function ring(ctx, x, y, r) {
+  ctx.beginPath();
+  ctx.arc(x, y, r, 0, 7);
   ctx.stroke();
 }
 
@@ -330,9 +337,9 @@ function write() {
 function drawKey() {
   const head = document.createElement("h2");
   head.textContent = "Robots";
-  const shapes = [2, 3, 0, 1, 6, 0, 5];
+  const shapes = [2, 8, 3, 0, 1, 6, 0, 5];
   const rows = film.states.flatMap((words, state) => {
-    if (!film.battery && (state === 1 || state === 4)) return [];
+    if (!film.battery && (state === 2 || state === 5)) return [];
     const sign = document.createElement("canvas"), text = document.createElement("span");
     sign.width = sign.height = 44;
     drawRobot(sign.getContext("2d"), 22, 22, 40, state | (shapes[state] << 5), "");

@@ -236,6 +236,7 @@ STATES = [
     ({"load": 1}, styles.COLOUR_LOADED),
     ({"load": 1, "cause": 2}, styles.COLOUR_WAITING),
     ({"load": 1, "cause": 2, "wait_cycle_ticks": 1}, styles.COLOUR_FAULT),
+    ({"cause": 12}, styles.COLOUR_IDLE),
     ({"parked": 1, "cause": 12}, styles.COLOUR_PARKED),
     ({"load": 1, "charge": 199_999_999}, styles.COLOUR_LOW_BATTERY),
     ({"charge": 200_000_000}, styles.COLOUR_ROBOT),
@@ -252,6 +253,16 @@ STATES = [
 def test_a_robot_has_the_colour_of_its_state(zoom: str, fields: dict[str, int], colour: int):
     scene = make_scene(open_floor(4, 4), {"cell": CORNER, **fields}, battery=True, faults=True)
     assert body(at(scene, zoom, CORNER)) == colour
+
+
+@pytest.mark.parametrize("zoom", DRAWN)
+@pytest.mark.parametrize(("fields", "colour"), STATES)
+def test_a_drawn_robot_has_it_too(zoom: str, fields: dict[str, int], colour: int):
+    scene = make_scene(open_floor(4, 4), {"cell": CORNER, **fields}, faults=True, battery=True)
+    codes, camera = composed(scene, zoom)
+    cell = codes[: camera.zoom.height, : camera.zoom.width]
+    colours = [fg(one) for one in cell.ravel()] + [bg(one) for one in cell.ravel()]
+    assert max(styles.ROBOT_COLOURS, key=colours.count) == colour
 
 
 @pytest.mark.parametrize("first", [0, 1])

@@ -14,6 +14,7 @@ import pytest
 from render_scenes import ALL, DRAWN, composed, drawn, make_scene
 from zone_pictures import two_zones
 
+from automaton.engine.observation import CAUSE_NO_ORDER
 from automaton.engine.state import ACTION_CHARGE, BATTERY_FULL, GOAL_CHARGE, STATUS_FAILED
 from automaton.floor.traffic_zones import traffic_zones_of
 from automaton.scenario.changing_floor import Street
@@ -36,6 +37,7 @@ CHARGES = {"action": ACTION_CHARGE, "goal_type": GOAL_CHARGE}
 STATES = (
     *({}, {"load": 1}, {"cause": 1}, {"wait_cycle_ticks": 9}, {"charge": BATTERY_FULL // 10}),
     *({"charge": 1, "load": 1}, CHARGES, {"status": STATUS_FAILED}, {"parked": 1}),
+    {"cause": CAUSE_NO_ORDER},
 )
 PICTURE = """
 ................

@@ -43,7 +43,8 @@ LETTERS = {
     styles.COLOUR_VOID: ".",
     styles.COLOUR_FLOOR_MARK: ".",
     styles.COLOUR_ROBOT: "#",
-    styles.COLOUR_LOADED: "L",
+    styles.COLOUR_LOADED: "O",
+    styles.COLOUR_TEXT: "L",  # the load
     styles.COLOUR_DONE: "=",
     styles.COLOUR_LOW_BATTERY: "!",
     styles.COLOUR_WAITING: "W",
@@ -78,10 +79,10 @@ def drawings(scene: Scene, zoom: str) -> list[str]:
 
 def test_in_two_rows_a_robot_has_a_point_a_sign_a_number_and_its_load():
     assert drawings(four_headings(load=1), "4x2") == [
-        "#0#.  ##1L  .#2#  .▴#.",
-        "####  ##LL  ####  ####",
-        "LL▸#  #▾##  #◂LL  ##3L",
-        "LL#.  .##.  .#LL  ##LL",
+        "O0O.  OO1L  .O2O  .▴O.",
+        "OOOO  OOLL  OOOO  OOOO",
+        "LL▸O  O▾OO  O◂LL  OO3L",
+        "LLO.  .OO.  .OLL  OOLL",
     ]
 
 
@@ -98,14 +99,14 @@ def test_in_three_rows_a_bar_shows_the_charge():
 
 def test_larger_robots_leave_a_margin_into_which_their_point_reaches():
     assert drawings(four_headings(load=1), "8x4") == [
-        ".####...  .======.  ...####.  ...▴#...",
-        ".#####..  .######.  ..#####.  ..####..",
-        ".##0##▸.  .#LLLL#.  .◂##2##.  .###3##.",
-        ".#######  .#LLLL#.  #######.  .######.",
-        ".#LLLL##  .###1##.  ##LLLL#.  .#LLLL#.",
-        ".#LLLL#.  .######.  .#LLLL#.  .#LLLL#.",
-        ".#####..  ..#▾##..  ..#####.  .######.",
-        ".====...  ...##...  ...====.  .======.",
+        ".OOOO...  .======.  ...OOOO.  ...▴O...",
+        ".OOOOO..  .OOOOOO.  ..OOOOO.  ..OOOO..",
+        ".OO0OO▸.  .OLLLLO.  .◂OO2OO.  .OOO3OO.",
+        ".OOOOOOO  .OLLLLO.  OOOOOOO.  .OOOOOO.",
+        ".OLLLLOO  .OOO1OO.  OOLLLLO.  .OLLLLO.",
+        ".OLLLLO.  .OOOOOO.  .OLLLLO.  .OLLLLO.",
+        ".OOOOO..  ..O▾OO..  ..OOOOO.  .OOOOOO.",
+        ".====...  ...OO...  ...====.  .======.",
     ]
 
 

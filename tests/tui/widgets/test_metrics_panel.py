@@ -23,10 +23,12 @@ from automaton.engine.observation import CAUSE_NO_ORDER, CAUSE_NOT_WAITING, CAUS
 from automaton.history.event_history import Curve
 from automaton.runs.metrics import METRIC_CATALOGUE
 from automaton.units import Unit, percent
+from tui.playback.panel_view import View
+from tui.render.scene import Scene, floor_of
 from tui.render.styles import ASCII
 from tui.widgets import metrics_panel
 from tui.widgets.metrics_panel import Figures
-from tui.widgets.status import Word, _fitting, fleet_words, time_words
+from tui.widgets.status import Word, _fitting, fleet_words, state_words, time_words
 from tui.widgets.why_panel import CAUSE_LETTERS
 
 
@@ -71,12 +73,16 @@ def test_a_fleet_that_is_stuck_shows_how_long_and_where(width: int) -> None:
     assert "starved" not in shown(Figures(), busy(), width, 10)
 
 
+def scene_in(view: View) -> Scene:
+    return Scene(floor_of(view.run.resolved), view.snapshot)
+
+
 def test_the_status_line_says_so_where_there_is_no_room_for_the_panel() -> None:
     """In 80 columns; the words that go first say what the map shows, too."""
     view = moment(700, "tabletop-1", "fleet.robots=5", "strategy.right_of_way=wait")
     playback = replace(view.playback, playing=1, achieved=40.0, asked=40.0, ends=(None,))
     words = time_words(playback, 0, 4.0, Unit(1.0, "cycle"), ASCII)
-    words += fleet_words(view.snapshot, playback.figures[0])
+    words += fleet_words(scene_in(view), playback.figures[0], ASCII, words=False)
     said_words, _ = _fitting(words[1:], [Word((), rank=5)], 78, 2)
     told = "  ".join(one.text for one in said_words)
     assert "4 starved  jam 4" in told and "0/50 delivered" not in told and "delivered" in told
@@ -84,8 +90,14 @@ def test_the_status_line_says_so_where_there_is_no_room_for_the_panel() -> None:
     calm = busy()
     assert not any(
         one.text.startswith("jam") or one.text.endswith("starved")
-        for one in fleet_words(calm.snapshot, calm.playback.figures[0])
+        for one in fleet_words(scene_in(calm), calm.playback.figures[0], ASCII, words=False)
     )
+
+
+def test_the_states_in_the_status_line_add_up_to_the_fleet() -> None:
+    view = moment(900, "factory")
+    words = state_words(scene_in(view), ASCII, words=True)
+    assert [one.text for one in words] == ["▸1 loaded", "▹1 empty", "▹0 waiting", "⊚1 idle"]
 
 
 def test_every_cause_of_lost_time_stands_apart_from_its_bar() -> None:

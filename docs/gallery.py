@@ -1,0 +1,78 @@
+"""Make the gallery: `python docs/gallery.py`.
+
+It runs each scenario to a tick, draws the floor, and writes `docs/gallery.md` with the pictures. With
+`--films FOLDER` it also writes each run up to there as a page with a film.
+"""
+
+from __future__ import annotations
+
+import argparse
+import tempfile
+from pathlib import Path
+from typing import Final
+
+import automaton
+
+DOCS: Final = Path(__file__).parent
+PICTURES: Final = Path("pictures/gallery")
+MOMENTS: Final = {  # the tick of each picture
+    "tabletop-1": 634,
+    "tabletop-mini": 120,
+    "crossing": 90,
+    "goods-mini": 40,
+    "goods-60x40": 900,
+    "goods-to-person": 300,
+    "bad-day": 400,
+    "sorting": 300,
+    "random-400": 60,
+    "depots": 2000,
+    "factory": 900,
+    "warehouse-100": 400,
+}
+HEAD: Final = """<!-- Generated: `python docs/gallery.py` writes this page again. -->
+# Gallery
+
+The shipped scenarios, each at one moment of its run. `automaton watch NAME` shows a run from its
+beginning; `automaton list` names all scenarios.
+"""
+
+
+def page() -> str:
+    """The text of the page."""
+    entries = []
+    for name, tick in MOMENTS.items():
+        scenario = automaton.load(name)
+        entries.append(
+            f"\n## {name}\n\n{scenario.summary}\n\n![{name} at tick {tick:,}]({PICTURES / name}.svg)\n\n"
+            f"`automaton watch {name} --at {tick}`\n"
+        )
+    return HEAD + "".join(entries)
+
+
+def recording(name: str, folder: Path) -> automaton.Recording:
+    """The run of a scenario up to its moment."""
+    return automaton.Simulation(name).run(until=MOMENTS[name]).save(folder / f"{name}.rec")
+
+
+def make(films: Path | None) -> None:
+    """Write the page and its pictures, and films into a folder."""
+    (DOCS / PICTURES).mkdir(parents=True, exist_ok=True)
+    (DOCS / "gallery.md").write_text(page(), encoding="utf-8")
+    for name in MOMENTS:
+        with tempfile.TemporaryDirectory() as folder:
+            recorded = recording(name, Path(folder))
+            drawing = recorded.picture(at=MOMENTS[name])
+            (DOCS / PICTURES / f"{name}.svg").write_text(drawing.svg, encoding="utf-8")
+            if films is not None:
+                films.mkdir(parents=True, exist_ok=True)
+                (films / f"{name}.html").write_text(recorded.film().page, encoding="utf-8")
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description="Make the gallery of the documentation.")
+    parser.add_argument("--films", type=Path, metavar="FOLDER", help="also write films")
+    make(parser.parse_args().films)
+
+
+if __name__ == "__main__":
+    main()

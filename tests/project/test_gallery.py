@@ -1,0 +1,24 @@
+"""The gallery of the documentation is what its command makes."""
+
+from __future__ import annotations
+
+import importlib.util
+from pathlib import Path
+
+from automaton.scenario.text_files import shipped
+
+DOCS = Path(__file__).parents[2] / "docs"
+spec = importlib.util.spec_from_file_location("gallery", DOCS / "gallery.py")
+assert spec is not None and spec.loader is not None
+gallery = importlib.util.module_from_spec(spec)
+spec.loader.exec_module(gallery)
+
+
+def test_the_page_and_a_picture_are_up_to_date(tmp_path: Path) -> None:
+    assert (DOCS / "gallery.md").read_text(encoding="utf-8") == gallery.page()
+    assert set(gallery.MOMENTS) <= set(shipped())
+    for name in gallery.MOMENTS:
+        assert (DOCS / gallery.PICTURES / f"{name}.svg").exists()
+    recorded = gallery.recording("tabletop-mini", tmp_path)
+    drawing = recorded.picture(at=gallery.MOMENTS["tabletop-mini"]).svg
+    assert drawing == (DOCS / gallery.PICTURES / "tabletop-mini.svg").read_text(encoding="utf-8")

@@ -62,6 +62,7 @@ LEVEL_COUNT: Final = len(styles.LEVEL_COLOURS)
 DRAW_CLASS: Final = len(STATE_COLOURS)
 DRAW_LEVEL: Final = DRAW_CLASS + CLASS_COUNT
 DRAW_ALARM: Final = DRAW_LEVEL + LEVEL_COUNT  # in a wait cycle, or down
+DRAW_GREY: Final = DRAW_ALARM + 1  # on heat, whose hues are those of robots
 
 # By state, worse states last: the worst robot determines the colour of a shared character.
 BODY_COLOURS: Final = np.array(
@@ -76,6 +77,7 @@ BODY_COLOURS: Final = np.array(
         ),
         *(styles.COLOUR_WAITING, styles.COLOUR_FAULT),
         *(*styles.CLASS_COLOURS, *styles.LEVEL_COLOURS, styles.COLOUR_FAULT),
+        styles.COLOUR_TEXT,
     ],
     np.uint32,
 )
@@ -162,7 +164,8 @@ def number_glyphs(glyphs: GlyphSet, robots: int, width: int) -> NDArray[np.uint3
 def with_cursor(codes: Codes) -> Codes:
     """The same signs on the cursor's background; the sign of a robot takes its body's colour."""
     fg, bg = np.divmod(codes >> np.uint32(GLYPH_BITS), np.uint32(len(styles.COLOUR_TABLE)))
-    on_robot = (bg >= styles.COLOUR_PARKED) & (fg < styles.COLOUR_TRACK)
+    body = (bg >= styles.COLOUR_PARKED) | (bg == styles.COLOUR_TEXT)
+    on_robot = body & (fg < styles.COLOUR_TRACK)
     foregrounds = style(np.where(on_robot, bg, fg), styles.COLOUR_CURSOR)
     return np.asarray(code(foregrounds, codes & GLYPHS), np.uint32)
 
@@ -189,8 +192,15 @@ def is_possible(scene: Scene, colouring: str) -> bool:
     return colouring != "battery" or scene.floor.battery
 
 
+def is_grey(scene: Scene) -> bool:
+    """Whether robots are grey, so that only the heat of a layer has colours."""
+    return scene.values is not None and scene.shaded and scene.colouring == "state"
+
+
 def coloured(scene: Scene, state: NDArray[np.uint8]) -> NDArray[np.uint8]:
     """(n,) each robot's index into BODY_COLOURS."""
+    if is_grey(scene):
+        return np.where(state == DRAW_FAULT, DRAW_ALARM, DRAW_GREY).astype(np.uint8)
     if scene.colouring == "state" or not is_possible(scene, scene.colouring):
         return state
     values = _values(scene)

@@ -104,6 +104,8 @@ def legend(scene: Scene, zoom: Zoom, glyphs: GlyphSet) -> list[LegendLine]:
         sign = glyphs.loaded[0] if near else glyphs.fleet[255]
         colours = [LegendLine(*entry) for entry in colour_entries(scene, sign)]
         entries = colours + _without_colours(entries, near)
+    elif fleet.is_grey(scene):
+        entries = _without_colours(entries, near)
     entries = _layer(scene, glyphs) + entries + _overlays(scene, zoom, glyphs)
     return entries + floor_legend(scene, zoom, glyphs)
 

@@ -145,12 +145,12 @@ def test_zones_tint_their_cells(zoom: str):
 
 
 @pytest.mark.parametrize("zoom", ALL)
-def test_robots_stay_visible_on_a_layer(zoom: str):
+def test_robots_are_grey_and_visible_on_a_layer(zoom: str):
     floor_plan = open_floor(8, 8)
     heat = np.full(floor_plan.kind.size, 500, np.int32)
     cell = floor_plan.cell(6, 6)
     code = at(make_scene(floor_plan, {"cell": cell}, heat=heat, layer="visits"), zoom, cell)
-    assert styles.COLOUR_ROBOT in (fg(code), bg(code))
+    assert styles.COLOUR_TEXT in (fg(code), bg(code))
 
 
 @pytest.mark.parametrize("zoom", ALL)
@@ -160,7 +160,7 @@ def test_a_robot_and_its_route_stand_on_the_heat_of_their_cells(zoom: str):
     here, ahead = floor_plan.cell(2, 2), floor_plan.cell(4, 2)
     scene = make_scene(floor_plan, {"cell": here}, heat=heat, layer="waiting")
     scene = scene.with_(route=np.array([ahead], np.int32))
-    for cell, colour in ((here, styles.COLOUR_ROBOT), (ahead, styles.COLOUR_ROUTE)):
+    for cell, colour in ((here, styles.COLOUR_TEXT), (ahead, styles.COLOUR_ROUTE)):
         code = at(scene, zoom, cell)
         filled = zoom in NEAR and cell == here
         shown = (styles.COLOUR_FLOOR, colour) if filled else (colour, styles.COLOUR_HEAT_8)

@@ -65,7 +65,7 @@ class SiteFits(NamedTuple):
     estimates: dict[str, Estimate]
     unsaid: list[str]
     notes: list[str]
-    operations: dict[str, duration_fits.DurationFit]  # those with an estimate
+    operations: dict[str, duration_fits.DurationFit]  # pick, drop, handling; keys of types
     delays: stop_fits.DelayFit | None
     repair: duration_fits.DurationFit | None
     towed: bool
@@ -268,6 +268,7 @@ def _fit_operations(
                 continue
             of_type, usual = duration_fits.fit_durations(own), fitting.present(name, kind)
             if usual != present or not of_type.low <= fit.mean <= of_type.high:
+                out[fitting.key(kind, key)] = of_type
                 fitting.add_duration(fitting.key(kind, key), usual, of_type)
     return out
 

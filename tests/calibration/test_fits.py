@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
+from typing import Any
 
 import numpy as np
 import pytest
@@ -20,7 +21,7 @@ from automaton.calibration.state_log import LogCounts, Samples, StateLog, number
 from automaton.world.resolve import resolve
 
 LENGTH = 20  # cells of the lane
-SCENARIO = {
+SCENARIO: dict[str, Any] = {
     "name": "lane",
     "layout": {"picture": "." * LENGTH + "\n" + "." * LENGTH + "\n" + "." * LENGTH},
     "fleet": {"robots": 2, "kinematics": "differential"},
@@ -34,7 +35,9 @@ TURN, PICK, IDLE, MOVE_DRAIN, WAIT_DRAIN = 3.0, 7.0, 60.0, 12.0, 2.0
 SLOW = (8.0, 12.0)  # metres from the left within which robots drive at half of the speed
 
 
-def lane_log(hours: float, gap: float, slow: bool = False, noise: float = 0.0) -> StateLog:
+def lane_log(
+    hours: float, gap: float, slow: bool = False, noise: float = 0.0, pick: float = PICK
+) -> StateLog:
     """Robot 0 drives to and fro on the upper row; it picks at the left end and drops at the right one."""
     legs: list[
         tuple[float, float, float, int, int, int]
@@ -50,7 +53,7 @@ def lane_log(hours: float, gap: float, slow: bool = False, noise: float = 0.0) -
                 legs.append((clock, begin, speed, heading, load, 0))
                 clock += (end - begin) / speed
             legs.append((clock, ends[-1], 0.0, heading, load, 1 + load))
-            clock += PICK
+            clock += pick
             load = 1 - load
             legs.append((clock, ends[-1], 0.0, heading, load, 0))
             clock += draws.uniform(0, IDLE)
@@ -134,6 +137,25 @@ def test_settings_run_in_the_scenario_and_their_tick_fits_the_times(shift: SiteF
     tick = largest_tick(fitted)
     assert tick is not None and tick <= 0.25
     assert largest_tick(resolve(SCENARIO)) is None
+
+
+def test_picks_of_a_type_are_fitted_if_they_differ_from_those_of_the_others() -> None:
+    one, other = lane_log(17, 2.0), lane_log(17, 2.0, pick=9.0)
+    both = Samples(*map(np.concatenate, zip(one.samples, other.samples, strict=True)))
+    rows = np.arange(len(both.x)) >= len(one.samples.x)
+    both = both._replace(robot=rows.astype(np.int32), y=np.where(rows, 0.5, 2.5))
+    usable = np.append(one.usable, other.usable)
+    types = [{"name": "a", "robots": 1}, {"name": "b", "robots": 1}]
+    scenario = {**SCENARIO, "fleet": {**SCENARIO["fleet"], "types": types}}
+    log = one._replace(samples=both, usable=usable, robots=("0", "1"))
+    fits = fit_site(log, resolve(scenario))
+    for name, seconds in (("a", PICK), ("b", 9.0)):
+        fit = fits.estimates[f"fleet.types.{name}.durations.pick"].fit
+        assert fit.value == pytest.approx(seconds, rel=0.02)
+    settings = settings_of(fits, scenario)
+    pick = settings["fleet"]["types"][1]["durations"]["pick"]
+    assert float(pick.removesuffix(" s")) == pytest.approx(9, rel=0.02)
+    assert "handling_jitter" not in settings["durations"], "the mixture of both looks uniform"
 
 
 def test_too_few_observations_are_named_and_not_fitted() -> None:

@@ -9,9 +9,17 @@ import argparse
 from collections.abc import Iterator, Mapping
 from fractions import Fraction
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 from automaton.atomic_write import atomic_writer
+from automaton.calibration.demand import (
+    WeeklyDemand,
+    arrival_settings,
+    check_weeks,
+    fit_demand,
+    read_releases,
+    releases_at,
+)
 from automaton.commands.arguments import (
     add_output_arguments,
     add_settings_argument,
@@ -24,10 +32,17 @@ from automaton.commands.arguments import (
     show_line,
     whole,
 )
-from automaton.commands.demand_mode import add_orders_arguments, fit_orders
+from automaton.commands.demand_mode import add_orders_arguments, fit_orders, order_columns
 from automaton.commands.log_command import columns
 from automaton.errors import InputError, alternatives
+from automaton.scenario.orders import TransportColumns
 from automaton.units import count, exact_time
+
+if TYPE_CHECKING:
+    from automaton.documents.report_document import ReportDocument
+    from automaton.world.resolved import Resolved
+
+ARRIVALS: Final = "orders.arrivals"
 
 
 def pairs(text: str) -> int:
@@ -42,7 +57,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("logs", nargs="*", type=Path, metavar="LOG", help=text)
     add("--floor", metavar="SCENARIO", help="the scenario of the site: a file, or a shipped name")
     add_settings_argument(parser)
-    text = "without LOG: a file of orders of at least 4 weeks; --out gets the rates of the week"
+    text = (
+        "a file of orders of at least 4 weeks, whose rates and batches are fitted (default: orders of "
+        "the log); without LOG, --out gets the rates of the week"
+    )
     add_orders_arguments(parser, text)
     text = "write the settings to FILE, for --set @FILE"
     add("--out", type=Path, required=True, metavar="FILE", help=text)
@@ -81,8 +99,6 @@ def run(args: argparse.Namespace) -> int:
         if args.orders is None:
             raise InputError("calibrate needs a LOG, or --orders FILE")
         return fit_orders(args)
-    if args.orders is not None:
-        raise InputError("--orders is fitted without a LOG; leave one of them out")
     if args.floor is None:
         raise InputError("a log needs --floor SCENARIO, whose floor the robots drive on")
     check_scipy()
@@ -103,7 +119,8 @@ def run(args: argparse.Namespace) -> int:
     except InputError as error:
         raise error.at(str(args.logs[0])) from None
     fits = fit_site(site, {**OPERATIONS, **args.actions}, thresholds)
-    model = fitted_model(args, fits)
+    demand = demand_of_site(args, log, base)
+    model = fitted_model(args, fits, demand)
     text = settings_text(model.settings, fits, ", ".join(map(str, args.logs)))
     with atomic_writer(args.out) as file:
         file.write(text.encode())
@@ -111,11 +128,74 @@ def run(args: argparse.Namespace) -> int:
     from automaton.calibration.fit_report import fit_document, fit_record
 
     head = args.floor, str(args.out), log.counts.sentences()
-    output.write(
-        lambda: fit_document(fits, model.remarks, *head),
-        lambda: fit_record(fits, model.settings, model.remarks, *head),
-    )
+
+    def document() -> ReportDocument:
+        out = fit_document(fits, model.remarks, *head)
+        if ARRIVALS in fits.estimates and demand is not None:
+            from automaton.calibration.demand_report import demand_blocks
+
+            out.add(*demand_blocks(demand))
+        return out
+
+    output.write(document, lambda: fit_record(fits, model.settings, model.remarks, *head))
     return 0
+
+
+def demand_of_site(args: argparse.Namespace, log: Any, base: Resolved) -> WeeklyDemand | None:
+    """The demand of the file of orders, else of the orders of the log; None: neither."""
+    import numpy as np
+
+    if args.orders is not None:
+        named = order_columns(args, TransportColumns.__struct_encode_fields__) or {}
+        released = {key: named[key] for key in ("released",) if key in named}
+        return fit_demand(read_releases(args.orders, released or None, args.order_time))
+    if not log.orders:
+        return None
+    clock = base.scenario.units.scale.clock
+    ahead = 0 if clock is None else 1000 * (clock.offset or 0)
+    first = np.full(len(log.orders) + 1, log.samples.time.max())
+    np.minimum.at(first, log.samples.order, log.samples.time)
+    return fit_demand(releases_at(first[1:] + ahead))
+
+
+def add_arrivals(
+    args: argparse.Namespace,
+    fits: Any,
+    demand: WeeklyDemand | None,
+    data: Mapping[str, Any],
+    settings: dict[str, Any],
+) -> Iterator[str]:
+    """Add the demand to the fits and the settings, or to what cannot be said; yield remarks."""
+    from automaton.calibration.demand_report import poisson_verdict
+    from automaton.calibration.fitted_settings import arguments_of
+    from automaton.calibration.motion_fits import FittedValue
+    from automaton.calibration.site_fits import Estimate
+    from automaton.studies.inference.intervals import mean_interval
+    from automaton.world.resolve import resolve
+
+    source = "the log" if args.orders is None else str(args.orders)
+    if demand is None:
+        fits.unsaid.append(f"{ARRIVALS}: the log names no orders; --orders FILE reads them")
+        return
+    section = arrival_settings(demand, data.get("orders") or {})
+    try:
+        check_weeks(demand, source)
+        with_orders = arguments_of({**settings, "orders": section})
+        resolve(args.floor, [*args.settings, *with_orders])
+    except InputError as error:
+        which = f"{source} " if error.file == source else ""
+        fits.unsaid.append(f"{ARRIVALS}: {which}{error.message}")
+        if args.orders is not None:
+            yield f"`compare --orders {source}` runs days with these orders as they are"
+        return
+    settings["orders"] = section
+    rate = mean_interval(demand.weekly)
+    value = FittedValue(
+        rate.value, *(rate.value if end is None else end for end in rate[1:3]), rate.n
+    )
+    observed = f"{count(int(demand.counts.sum()), 'order')}, {count(demand.days, 'day')}"
+    fits.estimates[ARRIVALS] = Estimate(ARRIVALS, "/h", None, value, observed, "mean of the weeks")
+    yield f"orders: would Poisson arrivals do? {poisson_verdict(demand)}"
 
 
 def check_scipy() -> None:
@@ -145,7 +225,7 @@ class FittedModel(NamedTuple):
     remarks: list[str]
 
 
-def fitted_model(args: argparse.Namespace, fits: Any) -> FittedModel:
+def fitted_model(args: argparse.Namespace, fits: Any, demand: WeeklyDemand | None) -> FittedModel:
     """The settings: the tick that they need, and the family of handling times that is good enough."""
     from automaton.calibration.fitted_settings import (
         arguments_of,
@@ -157,9 +237,9 @@ def fitted_model(args: argparse.Namespace, fits: Any) -> FittedModel:
 
     data = written_data(args)
     settings = settings_of(fits, data)
+    remarks = list(add_arrivals(args, fits, demand, data, settings))
     own = [*args.settings, *arguments_of(settings)]
     fitted = resolve(args.floor, own)
-    remarks = []
     if "handling" in settings.get("durations", {}) and own_handling(data):
         named = ", ".join(own_handling(data))
         remarks.append(f"{named} has handling times of its own, which calibrate does not change")
@@ -224,8 +304,8 @@ def compare_models(
 
     fit = fits.operations.get("handling")
     if fit is not None and fit.family != "constant":
-        units = {"units": settings["units"]} if "units" in settings else {}
-        empirical = {**settings_of(fits, data, is_empirical=True), **units}
+        others = {name: settings[name] for name in ("units", "orders") if name in settings}
+        empirical = {**settings_of(fits, data, is_empirical=True), **others}
         differs, words = difference(settings, empirical)
         if differs:
             settings["durations"] = empirical["durations"]

@@ -1,8 +1,12 @@
-"""Simulate each day of a site many times with its real orders, and measure days and runs alike."""
+"""Simulate each day of a site many times with its real orders, and measure days and runs alike.
+
+Robots begin where the log has them first, so that days need no warm-up. Their homes stay those of the
+scenario.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import Any, Final, NamedTuple
 
@@ -19,7 +23,10 @@ from automaton.calibration.fleet_trace import (
 from automaton.calibration.site_day import SiteDay
 from automaton.floor.floor_plan import NIL, FloorPlan
 from automaton.floor.traffic_zones import traffic_zones_of
-from automaton.studies.process_pool import run_jobs
+from automaton.runs.simulation import Simulation
+from automaton.runs.state_copy import hold_cells
+from automaton.studies.process_pool import run_all
+from automaton.world.floor_parts import service_cells
 
 Array = np.ndarray[Any, Any]
 
@@ -36,6 +43,13 @@ class Compared(NamedTuple):
     floor_plan: FloorPlan
 
 
+class DayPlan(NamedTuple):
+    """How the runs of a day begin, and how they and the day are measured."""
+
+    cells: Array  # (n,) int32 first cell of each robot, NIL: as in the scenario
+    plan: MeasurePlan
+
+
 def compare_days(
     days: Sequence[SiteDay],
     runs: int,
@@ -43,28 +57,76 @@ def compare_days(
     on_done: Callable[[int], None] | None = None,
 ) -> Compared:
     """Run each day with the seeds from that of the scenario on, and judge. Raises InputError."""
+    plans = plans_of(days)
+    first = days[0].resolved
+    seeds = [first.scenario.seed + k for k in range(runs)]
+    run_day = partial(measured_day, plans=plans)
+    done = run_all([day.resolved for day in days], seeds, workers, on_done, run_day)
+    results = [
+        DayResult(
+            day.name,
+            day.begin,
+            measured(day.trace, plans[day.mark].plan),
+            [one.metrics for one in of_day],
+        )
+        for day, of_day in zip(days, done, strict=True)
+    ]
+    plan = plans[days[0].mark].plan
+    return Compared(results, agreement(results), plan.stretch_of, plan.busiest, first.floor_plan)
+
+
+def plans_of(days: Sequence[SiteDay]) -> dict[str, DayPlan]:
+    """The plan of each day, by its mark."""
     floor_plan = days[0].resolved.floor_plan
     stretch_of, cells = stretches_of(floor_plan), floor_plan.kind.size
     entries = np.sum([entries_of(day.trace, cells) for day in days], axis=0)
     busiest = tuple(np.argsort(-entries, kind="stable")[:BUSIEST].tolist())
-    results = []
-    for day in days:
-        plan = MeasurePlan(
-            day.ticks,
-            len(day.trace.cell),
-            day.trace.period,
-            stretch_of,
-            int(stretch_of.max()) + 1,
-            busiest,
-            day.by_load,
-            day.released,
+    stretches = int(stretch_of.max()) + 1
+    return {
+        day.mark: DayPlan(
+            day.cells,
+            MeasurePlan(
+                *(day.ticks, len(day.trace.cell), day.trace.period, stretch_of, stretches),
+                *(busiest, day.by_load, day.released),
+            ),
         )
-        seed = day.resolved.scenario.seed
-        jobs = [(day.resolved, seed + k) for k in range(runs)]
-        done = run_jobs(jobs, workers, on_done, partial(measured_run, plan=plan))
-        simulated = [one.metrics for one in done]
-        results.append(DayResult(day.name, day.begin, measured(day.trace, plan), simulated))
-    return Compared(results, agreement(results), stretch_of, busiest, floor_plan)
+        for day in days
+    }
+
+
+def measured_day(simulation: Simulation, plans: Mapping[str, DayPlan]) -> dict[str, float | int]:
+    """Run a day to its end, and measure what a log of the run would show."""
+    of_day = next(plans[one] for one in simulation.resolved.overrides if one in plans)
+    place_robots(simulation, of_day.cells)
+    return {**measured_run(simulation, of_day.plan)}
+
+
+def place_robots(simulation: Simulation, cells: Array) -> None:
+    """Let robots begin in other cells than their starts, where the floor allows.
+
+    `cells`: (n,) by identity, NIL: at its start. A robot stays at its start if the cell is closed to it,
+    a station, a charger or a place of a queue, or if another robot begins there. With gates, all do.
+    """
+    world, resolved = simulation.world, simulation.resolved
+    robots, floor_plan = world.robots, resolved.floor_plan
+    if len(world.gates.kind):
+        return
+    wanted = cells[robots.identity]
+    moves = (wanted != NIL) & floor_plan.drivable.reshape(-1)[wanted]
+    moves &= ~service_cells(resolved.scenario, floor_plan)[wanted]
+    moves &= ~resolved.fleet.closed[robots.type % len(resolved.fleet.closed), wanted]
+    while True:
+        at = np.where(moves, wanted, robots.cell)
+        order = np.lexsort((moves, at))  # a robot that stays comes first
+        again = order[1:][(np.diff(at[order]) == 0) & moves[order[1:]]]
+        if not len(again):
+            break
+        moves[again] = False
+    moves &= wanted != robots.cell
+    robots.cell[moves] = wanted[moves]
+    robots.parked[moves] = 0
+    world.clock.unparked += int(moves.sum())
+    hold_cells(world)
 
 
 def stretches_of(floor_plan: FloorPlan) -> Array:

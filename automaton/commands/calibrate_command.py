@@ -190,9 +190,8 @@ def add_arrivals(
         return
     settings["orders"] = section
     rate = mean_interval(demand.weekly)
-    value = FittedValue(
-        rate.value, *(rate.value if end is None else end for end in rate[1:3]), rate.n
-    )
+    low, high = (rate.value if end is None else end for end in (rate.low, rate.high))
+    value = FittedValue(rate.value, low, high, rate.n)
     observed = f"{count(int(demand.counts.sum()), 'order')}, {count(demand.days, 'day')}"
     fits.estimates[ARRIVALS] = Estimate(ARRIVALS, "/h", None, value, observed, "mean of the weeks")
     yield f"orders: would Poisson arrivals do? {poisson_verdict(demand)}"
@@ -304,7 +303,9 @@ def compare_models(
 
     fit = fits.operations.get("handling")
     if fit is not None and fit.family != "constant":
-        others = {name: settings[name] for name in ("units", "orders") if name in settings}
+        others: dict[str, Any] = {
+            name: settings[name] for name in ("units", "orders") if name in settings
+        }
         empirical = {**settings_of(fits, data, is_empirical=True), **others}
         differs, words = difference(settings, empirical)
         if differs:

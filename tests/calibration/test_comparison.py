@@ -20,7 +20,7 @@ from automaton.calibration.fleet_trace import (
     trace_of_log,
 )
 from automaton.calibration.log_on_floor import placed
-from automaton.calibration.site_day import ComparedSite, read_day
+from automaton.calibration.site_day import ComparedSite, SiteDay, read_days
 from automaton.calibration.state_log import read_log
 from automaton.commands import main
 from automaton.engine.state import NIL
@@ -61,6 +61,11 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def site_in(folder: Path, *settings: str) -> ComparedSite:
     scenario = str(folder / "site.yaml")
     return ComparedSite(scenario, settings, None, resolve(scenario, settings), {}, None, None)
+
+
+def read_day(site: ComparedSite, log: Path, orders: Path | None) -> SiteDay:
+    (day,) = read_days(site, log, orders)
+    return day
 
 
 def plan(trace: FleetTrace, *busiest: int, stretch: int = NIL) -> MeasurePlan:

@@ -12,7 +12,7 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 
-from automaton.calibration.agreement import Agreement, DayResult, agreement
+from automaton.calibration.agreement import Agreement, DayResult, Measures, agreement
 from automaton.calibration.fleet_trace import (
     BUSIEST,
     MeasurePlan,
@@ -20,12 +20,12 @@ from automaton.calibration.fleet_trace import (
     measured,
     measured_run,
 )
-from automaton.calibration.site_day import SiteDay
+from automaton.calibration.site_day import Resolved, SiteDay
 from automaton.floor.floor_plan import NIL, FloorPlan
 from automaton.floor.traffic_zones import traffic_zones_of
 from automaton.runs.simulation import Simulation
 from automaton.runs.state_copy import hold_cells
-from automaton.studies.process_pool import run_all
+from automaton.studies.process_pool import PersistentPool
 from automaton.world.floor_parts import service_cells
 
 Array = np.ndarray[Any, Any]
@@ -50,29 +50,49 @@ class DayPlan(NamedTuple):
     plan: MeasurePlan
 
 
+class DayRuns:
+    """Measures days, and runs of them; a context manager that ends its processes."""
+
+    def __init__(self, days: Sequence[SiteDay], workers: int | None = None) -> None:
+        self.plans = plans_of(days)
+        self.real: list[Measures] = [measured(day.trace, self.plans[day.mark].plan) for day in days]
+        self._pool = PersistentPool(workers, partial(measured_day, plans=self.plans))
+
+    def __enter__(self) -> DayRuns:
+        self._pool.__enter__()
+        return self
+
+    def __exit__(self, *error: Any) -> None:
+        self._pool.__exit__(*error)
+
+    def of(
+        self, days: Sequence[Resolved], runs: int, on_done: Callable[[int], None] | None = None
+    ) -> list[list[Measures]]:
+        """The measures of each day in each run, with the seeds from that of the scenario on.
+
+        Raises InputError.
+        """
+        jobs = [(day, day.scenario.seed + k) for day in days for k in range(runs)]
+        done = [one.metrics for one in self._pool.run(jobs, on_done)]
+        return [[*done[first : first + runs]] for first in range(0, len(done), runs)]
+
+
 def compare_days(
     days: Sequence[SiteDay],
     runs: int,
     workers: int | None = None,
     on_done: Callable[[int], None] | None = None,
 ) -> Compared:
-    """Run each day with the seeds from that of the scenario on, and judge. Raises InputError."""
-    plans = plans_of(days)
-    first = days[0].resolved
-    seeds = [first.scenario.seed + k for k in range(runs)]
-    run_day = partial(measured_day, plans=plans)
-    done = run_all([day.resolved for day in days], seeds, workers, on_done, run_day)
+    """Run each day, and judge. Raises InputError."""
+    with DayRuns(days, workers) as of_days:
+        done = of_days.of([day.resolved for day in days], runs, on_done)
     results = [
-        DayResult(
-            day.name,
-            day.begin,
-            measured(day.trace, plans[day.mark].plan),
-            [one.metrics for one in of_day],
-        )
-        for day, of_day in zip(days, done, strict=True)
+        DayResult(day.name, day.begin, real, simulated)
+        for day, real, simulated in zip(days, of_days.real, done, strict=True)
     ]
-    plan = plans[days[0].mark].plan
-    return Compared(results, agreement(results), plan.stretch_of, plan.busiest, first.floor_plan)
+    plan = of_days.plans[days[0].mark].plan
+    floor_plan = days[0].resolved.floor_plan
+    return Compared(results, agreement(results), plan.stretch_of, plan.busiest, floor_plan)
 
 
 def plans_of(days: Sequence[SiteDay]) -> dict[str, DayPlan]:

@@ -34,7 +34,8 @@ from automaton.scenario.quantities import SECONDS_OF_DAY
 from automaton.scenario.table_fields import NOTHING, TableOptions, TextField
 from automaton.scenario.table_reader import NO_TIMES, read_columns
 from automaton.units import count, percent
-from automaton.world.resolve import Resolved, resolve
+from automaton.world.resolve import Resolved as Resolved
+from automaton.world.resolve import resolve
 
 Array = np.ndarray[Any, Any]
 
@@ -197,6 +198,11 @@ def day_of(
         cells,
         tuple(notes),
     )
+
+
+def with_changes(site: ComparedSite, day: SiteDay, changes: Sequence[str]) -> Resolved:
+    """The scenario of a day with other settings, KEY=VALUE. Raises InputError."""
+    return resolve(site.scenario, (*site.settings, *changes, *day.own), site.seed)
 
 
 def first_states(log: StateLog, place: Placed, robots: int) -> tuple[Array, Array]:

@@ -35,19 +35,24 @@ from automaton.commands.arguments import (
 from automaton.commands.demand_mode import add_orders_arguments, fit_orders, order_columns
 from automaton.commands.log_command import columns
 from automaton.errors import InputError, alternatives
-from automaton.scenario.orders import TransportColumns
 from automaton.units import count, exact_time
 
 if TYPE_CHECKING:
-    from automaton.documents.report_document import ReportDocument
-    from automaton.world.resolved import Resolved
+    from automaton.calibration.output_tuning import Tuning
+    from automaton.world.resolve import Resolved
 
 ARRIVALS: Final = "orders.arrivals"
+DEFAULT_BUDGET: Final = 500  # runs
 
 
 def pairs(text: str) -> int:
     """The type of --pairs: 0, or enough for an interval."""
     return 0 if text == "0" else whole("a number of pairs, or 0", 2, 1000)(text)
+
+
+def keys(text: str) -> list[str]:
+    """The type of --tune: keys of a scenario."""
+    return [key.strip() for key in text.split(",") if key.strip()]
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -89,6 +94,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="compare fitted and empirical handling times, and a finer tick, in N pairs of runs "
         "(default: 20; 0: no runs)",
     )
+    text = (
+        "tune at most two numbers, so that throughput and lead time of the days of the logs agree with "
+        "the site; then compare needs other days"
+    )
+    add("--tune", type=keys, default=[], metavar="KEY[,KEY]", help=text)
+    text = f"with --tune: make at most RUNS runs (default: {DEFAULT_BUDGET})"
+    whole_runs = whole("a number of runs", 1)
+    add("--budget", type=whole_runs, default=DEFAULT_BUDGET, metavar="RUNS", help=text)
     add_workers_argument(parser)
     add_output_arguments(parser, "--report")
 
@@ -112,6 +125,10 @@ def run(args: argparse.Namespace) -> int:
     check_fields(args.actions, OPERATIONS)
     base = resolve(args.floor, args.settings)
     print_warnings(base)
+    if args.tune:
+        from automaton.calibration.output_tuning import tuned_numbers
+
+        tuned_numbers(args.tune, written_data(args))  # a wrong key, before all the work
     log = read_log(args.logs, args.columns)
     thresholds = Thresholds(shortest_delay_s=float(args.shortest_delay))
     try:
@@ -121,6 +138,7 @@ def run(args: argparse.Namespace) -> int:
     fits = fit_site(site, {**OPERATIONS, **args.actions}, thresholds)
     demand = demand_of_site(args, log, base)
     model = fitted_model(args, fits, demand)
+    tuning = tuned_model(args, fits, model) if args.tune else None
     text = settings_text(model.settings, fits, ", ".join(map(str, args.logs)))
     with atomic_writer(args.out) as file:
         file.write(text.encode())
@@ -129,16 +147,71 @@ def run(args: argparse.Namespace) -> int:
 
     head = args.floor, str(args.out), log.counts.sentences()
 
-    def document() -> ReportDocument:
+    def document() -> Any:
         out = fit_document(fits, model.remarks, *head)
+        if tuning is not None:
+            from automaton.calibration.output_tuning import tuning_blocks
+
+            out.add(*tuning_blocks(tuning))
         if ARRIVALS in fits.estimates and demand is not None:
             from automaton.calibration.demand_report import demand_blocks
 
             out.add(*demand_blocks(demand))
         return out
 
-    output.write(document, lambda: fit_record(fits, model.settings, model.remarks, *head))
+    def record() -> dict[str, Any]:
+        from automaton.calibration.output_tuning import tuning_record
+
+        tuned = None if tuning is None else tuning_record(tuning)
+        return {**fit_record(fits, model.settings, model.remarks, *head), "tuned": tuned}
+
+    output.write(document, record)
     return 0
+
+
+def tuned_model(args: argparse.Namespace, fits: Any, model: FittedModel) -> Tuning:
+    """Tune numbers of the fitted model by the days of the logs, and put them into it."""
+    from automaton.calibration import output_tuning
+    from automaton.calibration.fitted_settings import arguments_of
+    from automaton.calibration.site_day import ComparedSite, read_days
+    from automaton.scenario.document import Document, override
+    from automaton.world.resolve import resolve
+
+    own = tuple(arguments_of(model.settings))
+    settings = (*args.settings, *own)
+    data = override(Document(dict(written_data(args))), own).data
+    numbers = output_tuning.tuned_numbers(args.tune, data)
+    base = resolve(args.floor, settings)
+    columns = args.columns, order_columns(args), args.order_time
+    site = ComparedSite(args.floor, settings, None, base, *columns)
+    days = [day for log in args.logs for day in read_days(site, log, args.orders)]
+    done = 0
+
+    def on_done(more: int) -> None:
+        nonlocal done
+        done += more
+        show_line(f"tuning: {done:,} of at most {args.budget:,} runs")
+
+    tuning = output_tuning.tune_outputs(site, days, numbers, args.budget, args.workers, on_done)
+    show_line("")
+    output_tuning.with_numbers(model.settings, data, tuning.tuned)
+    for one in tuning.tuned:
+        fits.estimates[one.number.key] = estimate_of(one, len(days))
+    changes = " and ".join(output_tuning.change_words(one) for one in tuning.tuned)
+    model.remarks.append(f"outputs were tuned: {changes}; `compare` needs other days than these")
+    return tuning
+
+
+def estimate_of(one: Any, days: int) -> Any:
+    """A tuned number among the estimates."""
+    from automaton.calibration.motion_fits import FittedValue
+    from automaton.calibration.site_fits import Estimate
+
+    number = one.number
+    low, high = one.ends or (one.factor, one.factor)
+    value = FittedValue(one.factor, low, high, days).scaled(number.amount)
+    observed = count(days, "day")
+    return Estimate(number.key, number.unit, number.amount, value, observed, "tuned by outputs")
 
 
 def demand_of_site(args: argparse.Namespace, log: Any, base: Resolved) -> WeeklyDemand | None:
@@ -146,7 +219,7 @@ def demand_of_site(args: argparse.Namespace, log: Any, base: Resolved) -> Weekly
     import numpy as np
 
     if args.orders is not None:
-        named = order_columns(args, TransportColumns.__struct_encode_fields__) or {}
+        named = order_columns(args) or {}
         released = {key: named[key] for key in ("released",) if key in named}
         return fit_demand(read_releases(args.orders, released or None, args.order_time))
     if not log.orders:

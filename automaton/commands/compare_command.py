@@ -21,7 +21,6 @@ from automaton.commands.arguments import (
 from automaton.commands.demand_mode import add_orders_arguments, order_columns
 from automaton.commands.log_command import columns
 from automaton.errors import InputError
-from automaton.scenario.orders import TransportColumns
 from automaton.units import count
 
 MIN_REPLICATIONS, MAX_REPLICATIONS = 20, 10_000
@@ -73,7 +72,7 @@ def run(args: argparse.Namespace) -> int:
 
     base = resolve(args.scenario, args.settings, args.seed)
     print_warnings(base)
-    named = order_columns(args, TransportColumns.__struct_encode_fields__)
+    named = order_columns(args)
     settings = tuple(args.settings)
     site = ComparedSite(
         args.scenario, settings, args.seed, base, args.columns, named, args.order_time

@@ -1,0 +1,328 @@
+"""Tune at most two numbers of a scenario so that simulated days agree with the site.
+
+    error      mean over the days and seeds of (simulated / site - 1), of throughput and of lead time
+    loss       sum of (error / tolerance of `compare`) squared
+    search     Nelder & Mead (1965) over the logarithm of the factor on each number; every value runs the
+               same days with the same seeds, and each run is counted
+    interval   Student's over days: near the optimum errors are linear in the logarithm, so the error
+               of a day gives the number that this day asks for
+
+These days cannot judge the model any more: it was made to agree with them.
+"""
+
+from __future__ import annotations
+
+import copy
+import json
+import math
+import re
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+
+from automaton.calibration.agreement import DECISIVE, TOLERANCES
+from automaton.calibration.compared_days import DayRuns
+from automaton.calibration.site_day import ComparedSite, SiteDay, with_changes
+from automaton.documents.report_document import Block, Heading, Listed, Table, Text
+from automaton.errors import InputError, nearest
+from automaton.studies.inference.intervals import mean_interval
+
+Array = np.ndarray[Any, Any]
+
+MAX_TUNED: Final = 2
+TUNED_SECTIONS: Final = ("durations", "fleet", "battery", "faults", "floor", "stations", "strategy")
+AMOUNT: Final = re.compile(r"([0-9]+(?:\.[0-9]+)?) ?([a-z%][^ ]*)")
+MAX_FACTOR: Final = 4.0
+FIRST_STEP: Final = 0.2  # of the logarithm
+STEP_ENDS: Final = 0.004
+LOSS_ENDS: Final = 1e-3
+MIN_VALUES: Final = 8  # values that a search tries, for each number
+DAYS_AND_SEEDS: Final = 12  # runs of a value, at least
+NEAR: Final = 0.25  # logarithm within which errors count as linear
+WEAK: Final = 0.05  # relative change of an output for a factor of e that is too small to tune by
+ONE_VALUE: Final = 0.05  # ratio of the effects of two combinations of numbers
+
+
+class TunedNumber(NamedTuple):
+    """A number of a scenario."""
+
+    key: str
+    amount: float
+    unit: str  # "" for a plain number
+    is_whole: bool
+
+    @property
+    def keys(self) -> list[Any]:
+        """The keys that lead to it, and places in lists."""
+        return [int(key) if key.isdecimal() else key for key in self.key.split(".")]
+
+    def value(self, factor: float) -> Any:
+        """The number times a factor, as a scenario writes it."""
+        if self.is_whole:
+            return max(1, round(self.amount * factor))
+        amount = float(f"{self.amount * factor:.4g}")
+        return (
+            f"{np.format_float_positional(amount, trim='-')} {self.unit}" if self.unit else amount
+        )
+
+
+class Tuned(NamedTuple):
+    """A number before and after tuning."""
+
+    number: TunedNumber
+    factor: float
+    ends: tuple[float, float] | None  # of the 95 % interval of the factor; None: one day
+
+
+class TunedOutput(NamedTuple):
+    """A quantity, mean over the days."""
+
+    site: float
+    before: float  # of the runs
+    after: float
+
+
+class Tuning(NamedTuple):
+    """The result of tuning."""
+
+    tuned: list[Tuned]
+    outputs: dict[str, TunedOutput]
+    days: list[str]
+    values: int  # that were tried
+    runs: int
+    budget: int
+    doubts: list[str]
+
+
+def numbers_in(data: Any, prefix: str = "") -> Iterator[TunedNumber]:
+    """Yield the numbers in the part of a scenario that tuning may change."""
+    if isinstance(data, Mapping | list):
+        pairs = data.items() if isinstance(data, Mapping) else enumerate(data)
+        for name, value in ((str(name), value) for name, value in pairs):
+            if prefix or name in TUNED_SECTIONS:
+                yield from numbers_in(value, f"{prefix}.{name}" if prefix else name)
+    elif isinstance(data, int | float) and not isinstance(data, bool):
+        yield TunedNumber(prefix, float(data), "", isinstance(data, int))
+    elif isinstance(data, str) and (match := AMOUNT.fullmatch(data)):
+        yield TunedNumber(prefix, float(match[1]), match[2], False)
+
+
+def tuned_numbers(keys: Sequence[str], data: Mapping[str, Any]) -> list[TunedNumber]:
+    """The numbers of a scenario to tune. Raises InputError."""
+    if len(keys) > MAX_TUNED:
+        raise InputError(
+            f"--tune names {len(keys)} numbers; use {MAX_TUNED} at most, since more would fit any site"
+        )
+    known = {one.key: one for one in numbers_in(data)}
+    for key in keys:
+        if key not in known:
+            hint = nearest(key, known) or f", such as {next(iter(known), 'durations.pick')}"
+            raise InputError(f"--tune: '{key}' is not a number of the scenario{hint}")
+        if not known[key].amount:
+            raise InputError(f"--tune: {key} is 0, and a number is tuned by factors")
+    return [known[key] for key in dict.fromkeys(keys)]
+
+
+def with_numbers(settings: dict[str, Any], data: Mapping[str, Any], tuned: Sequence[Tuned]) -> None:
+    """Put tuned numbers into settings; the rest of their sections is that of `data`."""
+    for one in tuned:
+        section, name, *rest = one.number.keys
+        part = settings.setdefault(section, {})
+        if rest:
+            inner = part[name] = copy.deepcopy(part.get(name, data[section][name]))
+            for key in rest[:-1]:
+                inner = inner[key]
+            inner[rest[-1]] = one.number.value(one.factor)
+        else:
+            part[name] = one.number.value(one.factor)
+
+
+class DayTrials:
+    """Runs days with other numbers, and counts the runs."""
+
+    def __init__(
+        self,
+        site: ComparedSite,
+        days: Sequence[SiteDay],
+        numbers: Sequence[TunedNumber],
+        budget: int,
+        runs: DayRuns,
+    ) -> None:
+        self.site, self.days, self.numbers, self.of_days = site, days, numbers, runs
+        self.real = np.array([[real[name] for name in DECISIVE] for real in runs.real])
+        if not np.isfinite(self.real).all() or not self.real.all():
+            raise InputError(
+                "--tune: a day has no order that is done, so its lead time is not known"
+            )
+        self.seeds = max(2, math.ceil(DAYS_AND_SEEDS / len(days)))
+        self.most = budget // (self.seeds * len(days))
+        least = MIN_VALUES * len(numbers)
+        if self.most < least:
+            need = least * self.seeds * len(days)
+            raise InputError(f"--budget {budget:,}: days of this log need at least {need:,} runs")
+        self.runs = 0
+        self.tried: dict[str, Array] = {}  # (days, quantities) mean of the runs, by values
+        self.points: list[tuple[Array, Array]] = []  # logarithms of factors, errors of days
+
+    def errors(self, logs: Array, on_done: Callable[[int], None]) -> Array:
+        """(days, quantities) simulated / site - 1, mean over the seeds."""
+        values = [one.value(math.exp(log)) for one, log in zip(self.numbers, logs, strict=True)]
+        changes = [
+            f"{one.key}={json.dumps(value)}"
+            for one, value in zip(self.numbers, values, strict=True)
+        ]
+        if repr(values) not in self.tried:
+            days = [with_changes(self.site, day, changes) for day in self.days]
+            done = self.of_days.of(days, self.seeds, on_done)
+            self.runs += len(days) * self.seeds
+            quantities = [[[run[name] for name in DECISIVE] for run in runs] for runs in done]
+            self.tried[repr(values)] = np.nan_to_num(np.array(quantities)).mean(axis=1)
+        errors: Array = self.tried[repr(values)] / self.real - 1
+        self.points.append((logs.copy(), errors))
+        return errors
+
+
+def tune_outputs(
+    site: ComparedSite,
+    days: Sequence[SiteDay],
+    numbers: Sequence[TunedNumber],
+    budget: int,
+    workers: int | None,
+    on_done: Callable[[int], None],
+) -> Tuning:
+    """Find the values at which throughput and lead time agree best. Raises InputError."""
+    from scipy.optimize import minimize
+
+    tolerances = np.array([TOLERANCES[name] for name in DECISIVE])
+    with DayRuns(days, workers) as of_days:
+        trials = DayTrials(site, days, numbers, budget, of_days)
+
+        def loss(logs: Array) -> float:
+            errors = trials.errors(logs, on_done).mean(axis=0)
+            return float(((errors / tolerances) ** 2).sum())
+
+        first = np.vstack([np.zeros(len(numbers)), FIRST_STEP * np.eye(len(numbers))])
+        optimum = minimize(
+            loss,
+            first[0],
+            method="Nelder-Mead",
+            bounds=[(-math.log(MAX_FACTOR), math.log(MAX_FACTOR))] * len(numbers),
+            options={
+                "initial_simplex": first,
+                "maxfev": trials.most,
+                "xatol": STEP_ENDS,
+                "fatol": LOSS_ENDS,
+            },
+        )
+        best = optimum.x
+        errors = trials.errors(best, on_done)
+    slopes = slopes_near(trials.points, best) / tolerances[:, None]
+    ends = intervals(slopes, errors / tolerances, best)
+    tuned = [
+        Tuned(number, math.exp(log), end)
+        for number, log, end in zip(numbers, best.tolist(), ends, strict=True)
+    ]
+    before, after = (
+        ((one + 1) * trials.real).mean(axis=0).tolist() for one in (trials.points[0][1], errors)
+    )
+    rows = zip(DECISIVE, trials.real.mean(axis=0).tolist(), before, after, strict=True)
+    return Tuning(
+        tuned,
+        {name: TunedOutput(*values) for name, *values in rows},
+        [day.name for day in days],
+        len(trials.tried),
+        trials.runs,
+        budget,
+        list(doubts_about(trials, slopes * tolerances[:, None], best)),
+    )
+
+
+def slopes_near(points: Sequence[tuple[Array, Array]], best: Array) -> Array:
+    """(quantities, numbers) the change of the mean errors with the logarithms, by least squares."""
+    near = [(logs, errors) for logs, errors in points if np.abs(logs - best).max() <= NEAR]
+    logs = np.array([one for one, _ in near])
+    means = np.array([errors.mean(axis=0) for _, errors in near])
+    design = np.column_stack([np.ones(len(logs)), logs - best])
+    fitted: Array = np.linalg.lstsq(design, means, rcond=None)[0][1:].T
+    return fitted
+
+
+def intervals(slopes: Array, errors: Array, best: Array) -> Iterator[tuple[float, float] | None]:
+    """Yield the ends of the interval of each factor; `errors`: (days, quantities)."""
+    of_days = best - errors @ np.linalg.pinv(slopes).T  # (days, numbers)
+    for log, values in zip(best.tolist(), of_days.T, strict=True):
+        half = mean_interval(values.tolist()).half
+        yield None if half is None else (math.exp(log - half), math.exp(log + half))
+
+
+def doubts_about(trials: DayTrials, slopes: Array, best: Array) -> Iterator[str]:
+    """Yield reasons for which the result says little."""
+    if len(trials.days) < 2:
+        yield "one day has no spread, so there is no interval"
+    for number, log, slope in zip(trials.numbers, best.tolist(), slopes.T, strict=True):
+        if np.abs(slope).max() < WEAK:
+            yield f"orders an hour and lead time hardly depend on {number.key}"
+        if abs(log) > math.log(MAX_FACTOR) - NEAR / 2:
+            yield f"{number.key} is at the end of its range, {MAX_FACTOR:g} times or part of its value"
+    sizes = np.linalg.svd(slopes, compute_uv=False)
+    if len(trials.numbers) == MAX_TUNED and sizes[-1] < ONE_VALUE * sizes[0]:
+        names = " and ".join(number.key for number in trials.numbers)
+        yield f"these days determine one combination of {names}, not both"
+    if len(trials.tried) >= trials.most:
+        yield "the budget ended before the search did"
+
+
+def tuning_blocks(tuning: Tuning) -> list[Block]:
+    """What was tuned, by how much, and the outputs before and after."""
+    changes = " and ".join(change_words(one) for one in tuning.tuned)
+    days = f"{len(tuning.days)} days" if len(tuning.days) > 1 else "the day"
+    rows = [
+        [
+            name,
+            *(f"{value:,.1f}" for value in one),
+            *(f"{100 * (value / one.site - 1):+.1f} %" for value in one[1:]),
+        ]
+        for name, one in tuning.outputs.items()
+    ]
+    spent = f"{tuning.runs:,} of at most {tuning.budget:,} runs, {tuning.values} values"
+    return [
+        Heading("Tuned outputs"),
+        Text(
+            f"Outputs were tuned: {changes}, so that throughput and lead time of {days} agree with the "
+            "site. These days cannot judge the model any more: `automaton compare` needs other days.",
+            strong=True,
+        ),
+        Table(["mean of the days", "site", "before", "after", "diff. before", "after"], rows),
+        Listed([*tuning.doubts, spent]),
+    ]
+
+
+def change_words(one: Tuned) -> str:
+    """A tuned number: "durations.pick from 8 s to 9.4 s (95 % interval 9.1 s to 9.8 s)"."""
+    number = one.number
+    ends = one.ends and " to ".join(str(number.value(end)) for end in one.ends)
+    interval = f" (95 % interval {ends})" if ends else ""
+    return f"{number.key} from {number.value(1)} to {number.value(one.factor)}{interval}"
+
+
+def tuning_record(tuning: Tuning) -> dict[str, Any]:
+    """The result as a JSON object."""
+    return {
+        "numbers": [
+            {
+                "key": one.number.key,
+                "before": one.number.value(1),
+                "after": one.number.value(one.factor),
+                "low": None if one.ends is None else one.number.value(one.ends[0]),
+                "high": None if one.ends is None else one.number.value(one.ends[1]),
+            }
+            for one in tuning.tuned
+        ],
+        "outputs": [{"quantity": name, **one._asdict()} for name, one in tuning.outputs.items()],
+        "days": tuning.days,
+        "values": tuning.values,
+        "runs": tuning.runs,
+        "budget": tuning.budget,
+        "doubts": tuning.doubts,
+    }

@@ -2,8 +2,8 @@
 
     error      mean over the days and seeds of (simulated / site - 1), of throughput and of lead time
     loss       sum of (error / tolerance of `compare`) squared
-    search     Nelder & Mead (1965) over the logarithm of the factor on each number; every value runs the
-               same days with the same seeds, and each run is counted
+    search     grids over the logarithms of factors, each half as wide as the one before, around the least
+               loss of a quadratic fit of the errors; all values run the same days with the same seeds
     interval   Student's over days: near the optimum errors are linear in the logarithm, so the error
                of a day gives the number that this day asks for
 
@@ -13,6 +13,7 @@ These days cannot judge the model any more: it was made to agree with them.
 from __future__ import annotations
 
 import copy
+import itertools
 import json
 import math
 import re
@@ -31,15 +32,16 @@ from automaton.studies.inference.intervals import mean_interval
 Array = np.ndarray[Any, Any]
 
 MAX_TUNED: Final = 2
+ALLOWED: Final = np.array([TOLERANCES[name] for name in DECISIVE])
 TUNED_SECTIONS: Final = ("durations", "fleet", "battery", "faults", "floor", "stations", "strategy")
 AMOUNT: Final = re.compile(r"([0-9]+(?:\.[0-9]+)?) ?([a-z%][^ ]*)")
-MAX_FACTOR: Final = 4.0
-FIRST_STEP: Final = 0.2  # of the logarithm
-STEP_ENDS: Final = 0.004
-LOSS_ENDS: Final = 1e-3
-MIN_VALUES: Final = 8  # values that a search tries, for each number
+HALF_WIDTHS: Final = (0.8, 0.4, 0.2, 0.1)  # of the grids
+MIN_GRIDS: Final = 2
+GRID_SIZE: Final = {1: 5, 2: 3}  # values of a number, by how many numbers are tuned
+SEARCHED: Final = 41  # values of a number at which the fit is evaluated
 DAYS_AND_SEEDS: Final = 12  # runs of a value, at least
-NEAR: Final = 0.25  # logarithm within which errors count as linear
+REMAINS: Final = 0.02  # loss of a factor of e: a number that days do not determine stays as it is
+MAX_LOSS_OF_STEPS: Final = 0.1
 WEAK: Final = 0.05  # relative change of an output for a factor of e that is too small to tune by
 ONE_VALUE: Final = 0.05  # ratio of the effects of two combinations of numbers
 
@@ -156,10 +158,10 @@ class DayTrials:
                 "--tune: a day has no order that is done, so its lead time is not known"
             )
         self.seeds = max(2, math.ceil(DAYS_AND_SEEDS / len(days)))
-        self.most = budget // (self.seeds * len(days))
-        least = MIN_VALUES * len(numbers)
-        if self.most < least:
-            need = least * self.seeds * len(days)
+        of_grid = self.seeds * len(days) * GRID_SIZE[len(numbers)] ** len(numbers)
+        self.grids = min(budget // of_grid, len(HALF_WIDTHS))
+        if self.grids < MIN_GRIDS:
+            need = MIN_GRIDS * of_grid
             raise InputError(f"--budget {budget:,}: days of this log need at least {need:,} runs")
         self.runs = 0
         self.tried: dict[str, Array] = {}  # (days, quantities) mean of the runs, by values
@@ -179,8 +181,40 @@ class DayTrials:
             quantities = [[[run[name] for name in DECISIVE] for run in runs] for runs in done]
             self.tried[repr(values)] = np.nan_to_num(np.array(quantities)).mean(axis=1)
         errors: Array = self.tried[repr(values)] / self.real - 1
-        self.points.append((logs.copy(), errors))
+        rounded = [
+            math.log(value / one.amount) if one.is_whole else log
+            for one, value, log in zip(self.numbers, values, logs.tolist(), strict=True)
+        ]
+        self.points.append((np.array(rounded), errors))
         return errors
+
+    def slopes_and_best(self, centre: Array, half: float) -> tuple[Array, Array]:
+        """The least loss near a centre, by a quadratic fit: (quantities, numbers) slopes of the errors
+        there, and the logarithms."""
+        near = [one for one in self.points if np.abs(one[0] - centre).max() <= 1.5 * half]
+        logs = np.array([logs for logs, _ in near]) - centre
+        means = np.array([errors.mean(axis=0) for _, errors in near])
+        terms = np.linalg.lstsq(quadratic(logs), means, rcond=None)[0]
+        steps = np.linspace(-half, half, SEARCHED)
+        grid = np.stack(np.meshgrid(*[steps] * len(centre)), axis=-1).reshape(-1, len(centre))
+        loss = ((quadratic(grid) @ terms / ALLOWED) ** 2).sum(axis=1)
+        best = grid[np.argmin(loss + REMAINS * ((grid + centre) ** 2).sum(axis=1))]
+        ahead = np.stack(
+            [quadratic(best + sign * half / 10 * np.eye(len(best))) for sign in (1, -1)]
+        )
+        slopes: Array = ((ahead[0] - ahead[1]) @ terms / (half / 5)).T
+        return slopes, centre + best
+
+
+def loss_of(errors: Array) -> float:
+    """The loss of errors of days."""
+    return float(((errors.mean(axis=0) / ALLOWED) ** 2).sum())
+
+
+def quadratic(logs: Array) -> Array:
+    """(n, terms) the terms of a quadratic function of each row of (n, numbers)."""
+    first, second = np.triu_indices(logs.shape[1])
+    return np.column_stack([np.ones(len(logs)), logs, logs[:, first] * logs[:, second]])
 
 
 def tune_outputs(
@@ -192,33 +226,21 @@ def tune_outputs(
     on_done: Callable[[int], None],
 ) -> Tuning:
     """Find the values at which throughput and lead time agree best. Raises InputError."""
-    from scipy.optimize import minimize
-
-    tolerances = np.array([TOLERANCES[name] for name in DECISIVE])
     with DayRuns(days, workers) as of_days:
         trials = DayTrials(site, days, numbers, budget, of_days)
-
-        def loss(logs: Array) -> float:
-            errors = trials.errors(logs, on_done).mean(axis=0)
-            return float(((errors / tolerances) ** 2).sum())
-
-        first = np.vstack([np.zeros(len(numbers)), FIRST_STEP * np.eye(len(numbers))])
-        optimum = minimize(
-            loss,
-            first[0],
-            method="Nelder-Mead",
-            bounds=[(-math.log(MAX_FACTOR), math.log(MAX_FACTOR))] * len(numbers),
-            options={
-                "initial_simplex": first,
-                "maxfev": trials.most,
-                "xatol": STEP_ENDS,
-                "fatol": LOSS_ENDS,
-            },
-        )
-        best = optimum.x
+        best = np.zeros(len(numbers))
+        trials.errors(best, on_done)
+        for half in HALF_WIDTHS[: trials.grids]:
+            steps = np.linspace(-half, half, GRID_SIZE[len(numbers)])
+            for step in itertools.product(steps, repeat=len(numbers)):
+                trials.errors(best + step, on_done)
+            slopes, best = trials.slopes_and_best(best, half)
         errors = trials.errors(best, on_done)
-    slopes = slopes_near(trials.points, best) / tolerances[:, None]
-    ends = intervals(slopes, errors / tolerances, best)
+        steps_off = loss_of(errors) - MAX_LOSS_OF_STEPS
+        logs, others = min(trials.points, key=lambda point: loss_of(point[1]))
+        if loss_of(others) < steps_off:  # whole numbers and ticks have no values in between
+            best, errors = logs, others
+    ends = intervals(slopes / ALLOWED[:, None], errors / ALLOWED, best)
     tuned = [
         Tuned(number, math.exp(log), end)
         for number, log, end in zip(numbers, best.tolist(), ends, strict=True)
@@ -234,18 +256,8 @@ def tune_outputs(
         len(trials.tried),
         trials.runs,
         budget,
-        list(doubts_about(trials, slopes * tolerances[:, None], best)),
+        list(doubts_about(trials, slopes, best)),
     )
-
-
-def slopes_near(points: Sequence[tuple[Array, Array]], best: Array) -> Array:
-    """(quantities, numbers) the change of the mean errors with the logarithms, by least squares."""
-    near = [(logs, errors) for logs, errors in points if np.abs(logs - best).max() <= NEAR]
-    logs = np.array([one for one, _ in near])
-    means = np.array([errors.mean(axis=0) for _, errors in near])
-    design = np.column_stack([np.ones(len(logs)), logs - best])
-    fitted: Array = np.linalg.lstsq(design, means, rcond=None)[0][1:].T
-    return fitted
 
 
 def intervals(slopes: Array, errors: Array, best: Array) -> Iterator[tuple[float, float] | None]:
@@ -263,14 +275,14 @@ def doubts_about(trials: DayTrials, slopes: Array, best: Array) -> Iterator[str]
     for number, log, slope in zip(trials.numbers, best.tolist(), slopes.T, strict=True):
         if np.abs(slope).max() < WEAK:
             yield f"orders an hour and lead time hardly depend on {number.key}"
-        if abs(log) > math.log(MAX_FACTOR) - NEAR / 2:
-            yield f"{number.key} is at the end of its range, {MAX_FACTOR:g} times or part of its value"
+        if abs(log) > 0.9 * sum(HALF_WIDTHS[: trials.grids]):
+            yield f"{number.key} is at the end of the range that was searched"
     sizes = np.linalg.svd(slopes, compute_uv=False)
     if len(trials.numbers) == MAX_TUNED and sizes[-1] < ONE_VALUE * sizes[0]:
         names = " and ".join(number.key for number in trials.numbers)
         yield f"these days determine one combination of {names}, not both"
-    if len(trials.tried) >= trials.most:
-        yield "the budget ended before the search did"
+    if trials.grids < len(HALF_WIDTHS):
+        yield f"the budget allowed {trials.grids} of {len(HALF_WIDTHS)} grids"
 
 
 def tuning_blocks(tuning: Tuning) -> list[Block]:

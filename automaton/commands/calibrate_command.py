@@ -38,7 +38,7 @@ from automaton.errors import InputError, alternatives
 from automaton.units import count, exact_time
 
 if TYPE_CHECKING:
-    from automaton.calibration.output_tuning import Tuning
+    from automaton.calibration.output_tuning import Tuned, Tuning
     from automaton.world.resolve import Resolved
 
 ARRIVALS: Final = "orders.arrivals"
@@ -196,13 +196,15 @@ def tuned_model(args: argparse.Namespace, fits: Any, model: FittedModel) -> Tuni
     show_line("")
     output_tuning.with_numbers(model.settings, data, tuning.tuned)
     for one in tuning.tuned:
-        fits.estimates[one.number.key] = estimate_of(one, len(days))
+        before = fits.estimates.get(one.number.key)
+        present = one.number.amount if before is None else before.present
+        fits.estimates[one.number.key] = estimate_of(one, present, len(days))
     changes = " and ".join(output_tuning.change_words(one) for one in tuning.tuned)
     model.remarks.append(f"outputs were tuned: {changes}; `compare` needs other days than these")
     return tuning
 
 
-def estimate_of(one: Any, days: int) -> Any:
+def estimate_of(one: Tuned, present: float | None, days: int) -> Any:
     """A tuned number among the estimates."""
     from automaton.calibration.motion_fits import FittedValue
     from automaton.calibration.site_fits import Estimate
@@ -211,7 +213,7 @@ def estimate_of(one: Any, days: int) -> Any:
     low, high = one.ends or (one.factor, one.factor)
     value = FittedValue(one.factor, low, high, days).scaled(number.amount)
     observed = count(days, "day")
-    return Estimate(number.key, number.unit, number.amount, value, observed, "tuned by outputs")
+    return Estimate(number.key, number.unit, present, value, observed, "tuned by outputs")
 
 
 def demand_of_site(args: argparse.Namespace, log: Any, base: Resolved) -> WeeklyDemand | None:

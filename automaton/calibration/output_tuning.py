@@ -240,7 +240,7 @@ def tune_outputs(
         logs, others = min(trials.points, key=lambda point: loss_of(point[1]))
         if loss_of(others) < steps_off:  # whole numbers and ticks have no values in between
             best, errors = logs, others
-    ends = intervals(slopes / ALLOWED[:, None], errors / ALLOWED, best)
+    ends = intervals(slopes, errors / ALLOWED, best)
     tuned = [
         Tuned(number, math.exp(log), end)
         for number, log, end in zip(numbers, best.tolist(), ends, strict=True)
@@ -261,26 +261,40 @@ def tune_outputs(
 
 
 def intervals(slopes: Array, errors: Array, best: Array) -> Iterator[tuple[float, float] | None]:
-    """Yield the ends of the interval of each factor; `errors`: (days, quantities)."""
-    of_days = best - errors @ np.linalg.pinv(slopes).T  # (days, numbers)
-    for log, values in zip(best.tolist(), of_days.T, strict=True):
-        half = mean_interval(values.tolist()).half
+    """Yield the ends of the interval of each factor; `errors`: (days, quantities), in tolerances."""
+    of_days = best - errors @ np.linalg.pinv(slopes / ALLOWED[:, None]).T  # (days, numbers)
+    is_known = ~is_weak(slopes) & (not is_one_value(slopes))
+    for log, values, known in zip(best.tolist(), of_days.T, is_known.tolist(), strict=True):
+        half = mean_interval(values.tolist()).half if known else None
         yield None if half is None else (math.exp(log - half), math.exp(log + half))
+
+
+def is_weak(slopes: Array) -> Array:
+    """(numbers,) whether the outputs hardly depend on each number."""
+    weak: Array = np.abs(slopes).max(axis=0) < WEAK
+    return weak
+
+
+def is_one_value(slopes: Array) -> bool:
+    """Whether several numbers change the outputs in one proportion."""
+    sizes = np.linalg.svd(slopes / ALLOWED[:, None], compute_uv=False)
+    return slopes.shape[1] > 1 and bool(sizes[-1] < ONE_VALUE * sizes[0])
 
 
 def doubts_about(trials: DayTrials, slopes: Array, best: Array) -> Iterator[str]:
     """Yield reasons for which the result says little."""
     if len(trials.days) < 2:
         yield "one day has no spread, so there is no interval"
-    for number, log, slope in zip(trials.numbers, best.tolist(), slopes.T, strict=True):
-        if np.abs(slope).max() < WEAK:
+    for number, log, weak in zip(
+        trials.numbers, best.tolist(), is_weak(slopes).tolist(), strict=True
+    ):
+        if weak:
             yield f"orders an hour and lead time hardly depend on {number.key}"
         if abs(log) > 0.9 * sum(HALF_WIDTHS[: trials.grids]):
             yield f"{number.key} is at the end of the range that was searched"
-    sizes = np.linalg.svd(slopes, compute_uv=False)
-    if len(trials.numbers) == MAX_TUNED and sizes[-1] < ONE_VALUE * sizes[0]:
+    if is_one_value(slopes):
         names = " and ".join(number.key for number in trials.numbers)
-        yield f"these days determine one combination of {names}, not both"
+        yield f"these days determine one combination of {names}, not each"
     if trials.grids < len(HALF_WIDTHS):
         yield f"the budget allowed {trials.grids} of {len(HALF_WIDTHS)} grids"
 

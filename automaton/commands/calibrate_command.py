@@ -140,6 +140,7 @@ def run(args: argparse.Namespace) -> int:
     model = fitted_model(args, fits, demand)
     tuning = tuned_model(args, fits, model) if args.tune else None
     text = settings_text(model.settings, fits, ", ".join(map(str, args.logs)))
+    text = text if tuning is None else f"# Tuned: {model.remarks[-1]}.\n{text}"
     with atomic_writer(args.out) as file:
         file.write(text.encode())
     note(f"wrote {args.out}; use it with --set @{args.out}")
@@ -196,22 +197,22 @@ def tuned_model(args: argparse.Namespace, fits: Any, model: FittedModel) -> Tuni
     show_line("")
     output_tuning.with_numbers(model.settings, data, tuning.tuned)
     for one in tuning.tuned:
-        before = fits.estimates.get(one.number.key)
+        before = fits.estimates.pop(one.number.key, None)
         present = one.number.amount if before is None else before.present
-        fits.estimates[one.number.key] = estimate_of(one, present, len(days))
+        if one.ends is not None:
+            fits.estimates[one.number.key] = estimate_of(one, one.ends, present, len(days))
     changes = " and ".join(output_tuning.change_words(one) for one in tuning.tuned)
-    model.remarks.append(f"outputs were tuned: {changes}; `compare` needs other days than these")
+    model.remarks.append(f"{changes}, by outputs of these days; `compare` needs other days")
     return tuning
 
 
-def estimate_of(one: Tuned, present: float | None, days: int) -> Any:
+def estimate_of(one: Tuned, ends: tuple[float, float], present: float | None, days: int) -> Any:
     """A tuned number among the estimates."""
     from automaton.calibration.motion_fits import FittedValue
     from automaton.calibration.site_fits import Estimate
 
     number = one.number
-    low, high = one.ends or (one.factor, one.factor)
-    value = FittedValue(one.factor, low, high, days).scaled(number.amount)
+    value = FittedValue(one.factor, *ends, days).scaled(number.amount)
     observed = count(days, "day")
     return Estimate(number.key, number.unit, present, value, observed, "tuned by outputs")
 

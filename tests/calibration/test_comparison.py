@@ -322,7 +322,8 @@ def test_compare_prints_its_verdict(folder: Path, capsys: pytest.CaptureFixture[
     assert main([*command, "--json"]) == 0
     record = json.loads(capsys.readouterr().out)
     assert record["verdict"] == "cannot be said" and record["days"][0]["p"] > 0.05
-    assert "too few days" in record["reasons"][0]
+    assert "one day has no spread" in record["sentence"] and record["reasons"] == []
+    assert record["days"][0]["model"].keys() == record["days"][0]["site"].keys()
     orders = ["--orders", "a.csv", "--orders", "b.csv"]
     assert main([*command, *orders]) == 2
     assert "--orders is there 2 times, but there are 1 log" in capsys.readouterr().err

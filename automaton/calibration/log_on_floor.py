@@ -56,6 +56,11 @@ class RobotTracks:
     off_floor: int  # positions off the floor
     stride: int  # of the floor
 
+    def part(self, rows: Array) -> RobotTracks:
+        """Some of the messages; `rows`: sorted."""
+        columns = (one[rows] for one in (self.cell, self.to_cell, self.share, self.heading))
+        return RobotTracks(self.log.part(rows), *columns, self.off_floor, self.stride)
+
     @cached_property
     def seconds(self) -> Array:
         """(n,) float64 since 1970."""

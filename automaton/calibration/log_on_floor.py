@@ -58,8 +58,11 @@ class RobotTracks:
 
     def part(self, rows: Array) -> RobotTracks:
         """Some of the messages; `rows`: sorted."""
-        columns = (one[rows] for one in (self.cell, self.to_cell, self.share, self.heading))
-        return RobotTracks(self.log.part(rows), *columns, self.off_floor, self.stride)
+        cell, to_cell, share, heading = (
+            one[rows] for one in (self.cell, self.to_cell, self.share, self.heading)
+        )
+        log = self.log.part(rows)
+        return RobotTracks(log, cell, to_cell, share, heading, self.off_floor, self.stride)
 
     @cached_property
     def seconds(self) -> Array:

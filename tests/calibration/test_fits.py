@@ -144,6 +144,7 @@ def test_picks_of_a_type_are_fitted_if_they_differ_from_those_of_the_others() ->
     both = Samples(*map(np.concatenate, zip(one.samples, other.samples, strict=True)))
     rows = np.arange(len(both.x)) >= len(one.samples.x)
     both = both._replace(robot=rows.astype(np.int32), y=np.where(rows, 0.5, 2.5))
+    both = both._replace(charge=both.charge * np.nan)
     usable = np.append(one.usable, other.usable)
     types = [{"name": "a", "robots": 1}, {"name": "b", "robots": 1}]
     scenario = {**SCENARIO, "fleet": {**SCENARIO["fleet"], "types": types}}

@@ -145,7 +145,9 @@ class RobotTracks:
         for ahead in range(1, CELLS_AHEAD + 1):
             for aside in (-1, 0, 1):
                 cells_x, cells_y = x + ahead * dx - aside * dy, y + ahead * dy + aside * dx
-                out |= np.isin((bins * width + cells_x) * height + cells_y, occupied)
+                key = (bins * width + cells_x) * height + cells_y
+                at = np.searchsorted(occupied[:-1], key)
+                out |= occupied[at] == key
         return out
 
     @cached_property

@@ -259,8 +259,12 @@ def _fit_operations(
         fit = duration_fits.fit_durations(data)
         if len(data.gaps) and not fitting.is_long_enough(key, fit.mean):
             continue
+        present = None
+        if name == "handling":
+            fit = fit._replace(empirical=duration_fits.empirical_quantiles(data))
+        else:
+            present = fitting.present(name, None)
         out[name] = fit
-        present = None if name == "handling" else fitting.present(name, None)
         fitting.add_duration(key, present, fit)
         for kind in range(len(fitting.types) if present is not None else 0):
             own = fitting.operations(chosen & (fitting.kind == kind))

@@ -87,7 +87,27 @@ def verdict_sentence(compared: Compared) -> str:
         return f"The model matches the site: {within}."
     if result.verdict == DIFFERS:
         return f"The model differs from the site{first_text(compared)}."
-    return "Cannot be said whether the model matches the site."
+    open_ones = [one for one in judged(result) if one.verdict != MATCHES]
+    why = "; ".join(dict.fromkeys(missing(one, len(compared.days)) for one in open_ones))
+    return f"Cannot be said whether the model matches the site: {why}."
+
+
+def missing(one: QuantityDifference, days: int) -> str:
+    """What is missing to show that a quantity matches."""
+    within = percent(one.tolerance or 0, 0)
+    if one.days_needed is None:
+        return (
+            "one day has no spread; a match within 5 % takes 4, 11 or 44 days that differ by 3, 5 or 10 % "
+            "(power 90 %)"
+        )
+    if one.days_needed > days:
+        return (
+            f"a match of {one.quantity} within {within} takes {count(one.days_needed, 'day')} that differ "
+            f"as these {days:,} do (power 90 %)"
+        )
+    assert one.interval is not None and one.interval.low is not None, "several days"
+    ends = f"{100 * one.interval.low:+.1f} to {100 * (one.interval.high or 0):+.1f} %"
+    return f"the difference of {one.quantity}, {ends}, is neither significant nor within {within}"
 
 
 def judged(result: Agreement) -> list[QuantityDifference]:
@@ -102,9 +122,15 @@ def first_text(compared: Compared) -> str:
         return ""
     number, quantity = first
     day = compared.days[number]
-    if not quantity.startswith(HOURLY):
-        return f", first on {day.name} in {plain_name(compared, quantity)}"
-    return f", first on {day.name} at {hour_name(day, int(quantity.removeprefix(HOURLY)))}"
+    at = "at" if quantity.startswith(HOURLY) else "in"
+    return f", first on {day.name} {at} {outside_name(compared, day, quantity)}"
+
+
+def outside_name(compared: Compared, day: DayResult, quantity: str) -> str:
+    """The name of what is outside a band: the time at which an hour begins, or a quantity."""
+    if quantity.startswith(HOURLY):
+        return hour_name(day, int(quantity.removeprefix(HOURLY)))
+    return plain_name(compared, quantity)
 
 
 def reasons(compared: Compared) -> Iterator[str]:
@@ -126,21 +152,10 @@ def reasons(compared: Compared) -> Iterator[str]:
             f"({_p(one.p)})"
         )
     for difference in judged(result) if result.verdict != MATCHES else ():
-        within = f"within {percent(difference.tolerance or 0, 0)}"
         if difference.verdict == MATCHES:
-            yield f"{difference.quantity} matches {within}"
-        elif difference.days_needed is None:
-            yield (
-                f"too few days to show that {difference.quantity} matches {within}: one day has no "
-                "spread; 4, 11 or 44 days are needed for a spread of 3, 5 or 10 % and a tolerance of 5 %"
-            )
-        elif difference.days_needed > len(days):
-            yield (
-                f"too few days to show that {difference.quantity} matches {within}: "
-                f"{len(days):,} of {difference.days_needed:,} for the spread of these days"
-            )
-        else:
-            yield f"{difference.quantity} is not shown to match {within}"
+            yield f"{difference.quantity} matches within {percent(difference.tolerance or 0, 0)}"
+        elif result.verdict == DIFFERS and difference.p > ERROR:
+            yield f"not shown to match: {missing(difference, len(days))}"
 
 
 def _p(p: float) -> str:
@@ -162,7 +177,7 @@ def quantity_table(compared: Compared) -> Table:
             ends = [f"{100 * end:+.1f} %" for end in bounds]
         elif one.interval is not None:
             ends = [f"{100 * one.interval.value:+.1f} %", "-", "-"]
-        name = shown_name(compared, one.quantity)
+        name = plain_name(compared, one.quantity)
         numbers = [shown(one.quantity, value) for value in (one.real, one.simulated)]
         p = f"{one.p:.3f}" if len(compared.days) > 1 else "-"
         rows.append([name, *numbers, *ends, p, verdict_word(one)])
@@ -182,24 +197,19 @@ def verdict_word(one: QuantityDifference) -> str:
 def reading_lines(days: int) -> list[str]:
     """How to read the table of quantities."""
     lines = [
-        "diff.: mean of (site / model - 1) over the days. p: adjusted for all tests of the page; at most "
-        "0.05 is a difference. matches: the 90 % interval lies within the tolerance (two one-sided tests "
-        "at 5 %); open: it does not."
+        "Times are in seconds. diff.: mean of (site / model - 1) over the days. p: adjusted for all tests "
+        "of the page; at most 0.05 is a difference. matches: the 90 % interval lies within the tolerance "
+        "(two one-sided tests at 5 %); open: it does not."
     ]
     return lines if days > 1 else [*lines, "With one day, only its band is tested."]
 
 
-def shown_name(compared: Compared, quantity: str) -> str:
-    """The name of a quantity with its unit or place."""
+def plain_name(compared: Compared, quantity: str) -> str:
+    """The name of a quantity, with its place."""
     if quantity.startswith(HEADWAY):
         x, y = compared.floor_plan.xy(compared.busiest[int(quantity.removeprefix(HEADWAY))])
-        return f"headway at [{x}, {y}], s"
-    return quantity if quantity in (*SHARE_QUANTITIES, ORDERS_AN_HOUR) else f"{quantity}, s"
-
-
-def plain_name(compared: Compared, quantity: str) -> str:
-    """The name of a quantity in a sentence."""
-    return shown_name(compared, quantity).removesuffix(", s")
+        return f"headway at [{x}, {y}]"
+    return quantity
 
 
 def shown(quantity: str, value: float) -> str:
@@ -215,10 +225,7 @@ def day_table(compared: Compared) -> Table:
     for day, band in zip(compared.days, compared.agreement.bands, strict=True):
         first = ""
         if band.p <= ERROR and band.outside:
-            first = band.outside[0]
-            is_hour = first.startswith(HOURLY)
-            number = int(first.removeprefix(HOURLY)) if is_hour else 0
-            first = hour_name(day, number) if is_hour else shown_name(compared, first)
+            first = outside_name(compared, day, band.outside[0])
         numbers = [
             shown(ORDERS_AN_HOUR, one)
             for one in (day.real[ORDERS_AN_HOUR], day.mean(ORDERS_AN_HOUR))
@@ -286,6 +293,8 @@ def agreement_record(name: str, compared: Compared, notes: Sequence[str]) -> dic
     """The comparison as one object."""
     result = compared.agreement
 
+    quantities = [name for name in compared.days[0].real if not name.startswith((STRETCH, HOURLY))]
+
     def number(value: float | None) -> float | None:
         return None if value is None or math.isnan(value) else value
 
@@ -295,25 +304,25 @@ def agreement_record(name: str, compared: Compared, notes: Sequence[str]) -> dic
         "reasons": list(reasons(compared)),
         "first": first_text(compared).removeprefix(", first ") or None,
         "runs": len(compared.days[0].runs),
+        "sentence": verdict_sentence(compared),
         "days": [
             {
                 "name": day.name,
+                "begin": f"{EPOCH + datetime.timedelta(milliseconds=day.begin)}",
                 "p": band.p,
-                "outside": [
-                    hour_name(day, int(one.removeprefix(HOURLY))) if one.startswith(HOURLY) else one
-                    for one in band.outside
+                "outside": [outside_name(compared, day, one) for one in band.outside],
+                "site": {name: number(day.real[name]) for name in quantities},
+                "model": {name: number(day.mean(name)) for name in quantities},
+                "hours": [
+                    dict(zip(("site", "model", "low", "high"), hour, strict=True))
+                    for hour in band.hours.tolist()
                 ],
-                "site": {
-                    quantity: number(value)
-                    for quantity, value in day.real.items()
-                    if not quantity.startswith(STRETCH)
-                },
             }
             for day, band in zip(compared.days, result.bands, strict=True)
         ],
         "quantities": [
             {
-                "quantity": shown_name(compared, one.quantity),
+                "quantity": plain_name(compared, one.quantity),
                 "site": number(one.real),
                 "model": number(one.simulated),
                 "difference": number(one.relative),

@@ -86,6 +86,15 @@ class WeeklyDemand(NamedTuple):
         return float(np.mean(batch_sizes(self.batch)))
 
     @property
+    def weekly(self) -> list[float]:
+        """The mean number of orders an hour in each complete week."""
+        weeks = len(self.counts) // HOURS_OF_WEEK
+        means: list[float] = (
+            self.counts[: weeks * HOURS_OF_WEEK].reshape(weeks, -1).mean(axis=1).tolist()
+        )
+        return means
+
+    @property
     def days(self) -> int:
         """Calendar days from the first order to the last."""
         end = self.begin + datetime.timedelta(hours=len(self.counts) - 1)
@@ -111,6 +120,13 @@ def read_releases(
     since = datetime.timedelta(microseconds=earliest.value) + _offset_of(text, time)
     first = datetime.datetime.fromordinal(1) + since - datetime.timedelta(days=1)
     return Releases(first, np.sort(table.values["released"].astype(np.int64)))
+
+
+def releases_at(moments: Array) -> Releases:
+    """Releases at milliseconds since 1970, (n,) in the time of the site, at least one."""
+    first = int(moments.min())
+    begin = datetime.datetime(1970, 1, 1) + datetime.timedelta(milliseconds=first)
+    return Releases(begin, np.sort((moments - first) // 1000))
 
 
 def _offset_of(text: str, time: str | None) -> datetime.timedelta:
@@ -234,14 +250,31 @@ def size_quantiles(sizes: Array) -> list[int]:
     return at_most
 
 
+def week_rows(rates: Array) -> list[dict[str, float]]:
+    """Rates as the rows of a profile; days without orders have no rows."""
+    return [
+        {"weekday": day, "hour": hour, "orders": round(rate, 4)}
+        for day, of_day in enumerate(rates.reshape(DAYS_OF_WEEK, HOURS_OF_DAY).tolist(), 1)
+        for hour, rate in enumerate(of_day if any(of_day) else ())
+    ]
+
+
 def week_csv(rates: Array) -> str:
-    """Rates as the file of a profile; days without orders have no rows."""
-    rows = ["weekday,hour,orders"]
-    for day, of_day in enumerate(rates.reshape(DAYS_OF_WEEK, HOURS_OF_DAY).tolist(), 1):
-        if any(of_day):
-            rows += [f"{day},{hour},{_plain(rate)}" for hour, rate in enumerate(of_day)]
-    return "\n".join([*rows, ""])
+    """Rates as the file of a profile."""
+    rows = [",".join(f"{value:.10g}" for value in row.values()) for row in week_rows(rates)]
+    return "\n".join(["weekday,hour,orders", *rows, ""])
 
 
-def _plain(rate: float) -> str:
-    return f"{rate:.4f}".rstrip("0").rstrip(".")
+def arrival_settings(demand: WeeklyDemand, orders: Mapping[str, Any]) -> dict[str, Any]:
+    """The demand as settings of `orders`, which has other arrivals now."""
+    arrivals = {"profile": week_rows(demand.rates), "batch": demand.batch}
+    settings: dict[str, Any] = {"arrivals": arrivals}
+    settings |= {"mean_interarrival_time": 0} if orders.get("mean_interarrival_time") else {}
+    settings |= {"count": None} if orders.get("count") else {}
+    lines = orders.get("lines")
+    if isinstance(lines, Mapping):  # rows of a file are lines, and batches have those of an order
+        own = {
+            key: lines[key] for key in lines if key not in ("mean_interarrival_time", "per_order")
+        }
+        settings |= {"lines": own}
+    return settings

@@ -39,9 +39,14 @@ LINE_WIDTH: Final = 78
 def demand_document(demand: WeeklyDemand, source: str, week: str) -> ReportDocument:
     """The fitted demand of a file; `week`: the file of rates that is written."""
     document = ReportDocument(f"Demand of {source}")
+    document.add(Heading(document.title, 1), *demand_blocks(demand), *usage(demand, week))
+    return document
+
+
+def demand_blocks(demand: WeeklyDemand) -> list[Block]:
+    """The fitted demand beside the data."""
     total = int(demand.counts.sum())
-    document.add(
-        Heading(document.title, 1),
+    return [
         Text(
             f"{count(total, 'order')} on {count(demand.days, 'day')} from {demand.begin:%Y-%m-%d}; "
             f"{demand.rates.min():,.4g} to {demand.rates.max():,.4g} orders an hour of the week.",
@@ -57,9 +62,7 @@ def demand_document(demand: WeeklyDemand, source: str, week: str) -> ReportDocum
         rate_chart(demand),
         Heading("Orders that arrive at once"),
         size_table(demand),
-        *usage(demand, week),
-    )
-    return document
+    ]
 
 
 def poisson_verdict(demand: WeeklyDemand) -> str:

@@ -78,7 +78,7 @@ class DurationFit(NamedTuple):
     aic: float
     n: int
     p: float = math.nan  # that durations of this family differ as much from the observed ones
-    empirical: tuple[float, ...] = ()  # quantiles, each equally likely
+    empirical: tuple[float, ...] = ()  # of handling: quantiles, each equally likely
 
 
 def _constant(x: Array, mean: float, spread: float, error: float) -> Array:
@@ -261,13 +261,13 @@ def stamp_error(gaps: Array) -> float:
 
 
 def fit_durations(data: Censored, seed: int = 0) -> DurationFit:
-    """The family with the least AIC, how well it describes the durations, and an empirical one."""
+    """The family with the least AIC, and how well it describes the durations."""
     fits = [fit_family(data, family) for family in FAMILIES.values()]
     best = min(fits, key=lambda fit: fit.aic)
     if best.spread and best.spread * best.mean < 2 * data.error:
         best = fits[0]  # the stamps err as much as such durations differ
     p = math.nan if best.family == "constant" else family_p(data, best, seed)
-    return best._replace(p=p, empirical=empirical_quantiles(data))
+    return best._replace(p=p)
 
 
 def family_p(data: Censored, fit: DurationFit, seed: int) -> float:

@@ -56,6 +56,14 @@ class RobotTracks:
     off_floor: int  # positions off the floor
     stride: int  # of the floor
 
+    def part(self, rows: Array) -> RobotTracks:
+        """Some of the messages; `rows`: sorted."""
+        cell, to_cell, share, heading = (
+            one[rows] for one in (self.cell, self.to_cell, self.share, self.heading)
+        )
+        log = self.log.part(rows)
+        return RobotTracks(log, cell, to_cell, share, heading, self.off_floor, self.stride)
+
     @cached_property
     def seconds(self) -> Array:
         """(n,) float64 since 1970."""
@@ -137,7 +145,9 @@ class RobotTracks:
         for ahead in range(1, CELLS_AHEAD + 1):
             for aside in (-1, 0, 1):
                 cells_x, cells_y = x + ahead * dx - aside * dy, y + ahead * dy + aside * dx
-                out |= np.isin((bins * width + cells_x) * height + cells_y, occupied)
+                key = (bins * width + cells_x) * height + cells_y
+                at = np.searchsorted(occupied[:-1], key)
+                out |= occupied[at] == key
         return out
 
     @cached_property

@@ -1,8 +1,9 @@
 """A day of a site: its log as a trace, and the scenario with the orders of that day.
 
 The orders come from a file, or from the log: an order is released when its robot takes it, begins where
-its load appears and ends where it disappears. Orders taken shortly before the end of the log are left
-out: those of them that the log shows to the end are the quick ones.
+its load appears and ends where it disappears; of a pod, the stations at which it is served are its lines.
+Orders taken shortly before the end of the log are left out: those of them that the log shows to the end
+are the quick ones. A log of several days is divided at midnight.
 """
 
 from __future__ import annotations
@@ -18,23 +19,31 @@ import numpy as np
 
 from automaton.calibration.fleet_trace import FleetTrace, trace_of_log
 from automaton.calibration.log_on_floor import RobotTracks, placed
-from automaton.calibration.state_log import StateLog, read_log
+from automaton.calibration.state_log import StateLog, numbers_of_robots, read_log
 from automaton.errors import InputError
 from automaton.floor.floor_plan import CELL_KINDS, NIL, FloorPlan
 from automaton.floor.reachability import slot_access
 from automaton.scenario.document import Document, Override, override, parse
+from automaton.scenario.order_lines import (
+    carries_pods,
+    listed_lines,
+    pod_cells,
+    pod_numbers,
+)
 from automaton.scenario.quantities import SECONDS_OF_DAY
 from automaton.scenario.table_fields import NOTHING, TableOptions, TextField
 from automaton.scenario.table_reader import NO_TIMES, read_columns
 from automaton.units import count, percent
+from automaton.world.resolve import Resolved as Resolved
 from automaton.world.resolve import resolve
-from automaton.world.resolved import Resolved
 
 Array = np.ndarray[Any, Any]
 
 MIN_RECOVERED: Final = 0.8  # of the orders of a log
 TAIL_SHARE: Final = 0.95  # of the orders; twice their longest time is left out before the end
-MAX_DAY_S: Final = 26 * 3600
+MAX_DAY_S: Final = 26 * 3600  # longer logs are divided
+MIN_DAY_S: Final = 3600  # shorter parts of a divided log are left out
+DAY_MS: Final = 1000 * SECONDS_OF_DAY
 OPTIONS: Final = ("file", "sheet", "where", "encoding")  # that decide which rows a file has
 EPOCH: Final = datetime.datetime(1970, 1, 1)
 
@@ -50,6 +59,12 @@ class ComparedSite(NamedTuple):
     order_columns: Mapping[str, str] | None
     order_time: str | None
 
+    @property
+    def ahead(self) -> int:
+        """Milliseconds by which clocks of the site are ahead of those of the log."""
+        clock = self.base.unrefined.scenario.units.scale.clock
+        return 0 if clock is None else 1000 * (clock.offset or 0)
+
 
 class SiteDay(NamedTuple):
     """A day of a site."""
@@ -59,9 +74,16 @@ class SiteDay(NamedTuple):
     ticks: int  # of a sample, in the ticks of the runs
     trace: FleetTrace
     resolved: Resolved  # the scenario with the orders of the day
+    own: tuple[Override, ...]  # what the day sets in the scenario
     by_load: bool  # the log names no orders: what a robot carries stands for its order
     released: Array  # (m,) seconds from the start to the release of each order, or (): not known
+    cells: Array  # (n,) int32 where each robot of the scenario is first in the log; NIL: not known
     notes: tuple[str, ...]
+
+    @property
+    def mark(self) -> str:
+        """The override that only the scenario of this day has."""
+        return self.own[0].argument
 
 
 class DayOrders(NamedTuple):
@@ -73,49 +95,131 @@ class DayOrders(NamedTuple):
     notes: tuple[str, ...]
 
 
-def read_day(site: ComparedSite, path: Path, orders: Path | None) -> SiteDay:
-    """Read the log of a day, and its orders. Raises InputError."""
+def read_days(site: ComparedSite, path: Path, orders: Path | None) -> list[SiteDay]:
+    """Read the days of a log, and their orders. Raises InputError."""
     log = read_log([path], site.log_columns)
-    scenario, floor_plan = site.base.unrefined.scenario, site.base.floor_plan
+    units = site.base.unrefined.scenario.units
     try:
-        place = placed(log, floor_plan, scenario.units)
+        place = placed(log, site.base.floor_plan, units)
+        by_load = not log.orders
+        log = log_of_carries(log) if by_load else log
+        notes = log.counts.sentences()
+        parts = list(parts_of(log, place, site.ahead))
+        if len(parts) > 1:
+            notes.append(f"divided at midnight into {count(len(parts), 'day')}")
+        days = []
+        for part in parts:
+            name = f"{path.stem} {part.date}" if len(parts) > 1 else path.stem
+            days.append(day_of(site, name, part, orders, by_load))
+        days[0] = days[0]._replace(
+            notes=(*(f"{path.name}: {one}" for one in notes), *days[0].notes)
+        )
     except InputError as error:
         raise error.at(str(path)) from None
-    by_load = not log.orders
-    log = log_of_carries(log, str(path)) if by_load else log
+    return days
+
+
+class LoggedDay(NamedTuple):
+    """The messages of a day."""
+
+    date: str
+    log: StateLog
+    place: RobotTracks
+
+
+def parts_of(log: StateLog, place: RobotTracks, ahead: int) -> Iterator[LoggedDay]:
+    """Yield the days of a log; `ahead`: milliseconds by which the site is ahead of UTC."""
+    time = log.samples.time
+    if time.max() - time.min() <= 1000 * MAX_DAY_S:
+        yield LoggedDay("", log, place)
+        return
+    number = (time + ahead) // DAY_MS
+    for day in np.unique(number).tolist():
+        rows = np.flatnonzero(number == day)
+        if np.ptp(time[rows]) < 1000 * MIN_DAY_S:
+            continue
+        date = f"{EPOCH + datetime.timedelta(days=day):%Y-%m-%d}"
+        yield LoggedDay(date, log.part(rows), place.part(rows))
+
+
+def day_of(
+    site: ComparedSite, name: str, part: LoggedDay, orders: Path | None, by_load: bool
+) -> SiteDay:
+    """A day of a site; `by_load`: what a robot carries stands for its order. Raises InputError."""
+    _, log, place = part
+    scenario = site.base.unrefined.scenario
     time, tick = log.samples.time, float(scenario.units.scale.tick_seconds)
     begin, end = int(time.min()), int(time.max())
     gaps = np.diff(time)[log.usable[:-1]]
     ticks = max(1, round(float(np.median(gaps)) / 1000 / tick)) if len(gaps) else 1
     rows = int((end - begin) / 1000 / (ticks * tick)) + 1
-    if end - begin > 1000 * MAX_DAY_S or rows < 2:
-        days = f"{(end - begin) / 1000 / SECONDS_OF_DAY:,.2f} days"
-        raise InputError(f"covers {days}; compare needs one log for each day", str(path))
-    clock = clock_setting(site, begin)
-    if orders is None:
-        day = recovered_orders(log, place, floor_plan, begin, tick, str(path))
-    else:
+    if rows < 2:
+        raise InputError("has a single message of each robot, so nothing can be compared")
+    if orders is not None:
         day = orders_of_file(site, log, orders, begin, (rows - 1) * ticks)
+    elif carries_pods(scenario, site.base.floor_plan):
+        day = recovered_lines(site, log, place, begin, tick)
+    else:
+        day = recovered_orders(log, place, site.base.floor_plan, begin, tick)
     trace = trace_of_log(log, place, begin, ticks * tick, rows)
     trace = trace._replace(order=day.number_of[trace.order].astype(np.int32))
     stop = {"when": "never", "max_duration": (rows - 1) * ticks}
-    own = (
-        clock,
-        Override(f"the orders of {path.name}", ("orders",), day.section),
-        Override(f"the duration of {path.name}", ("stop",), stop),
-    )
+    cells, charges = first_states(log, place, scenario.fleet.robots)
+    own = [
+        Override(f"the orders of {name}", ("orders",), day.section),
+        Override(f"the duration of {name}", ("stop",), stop),
+        clock_setting(site, begin),
+    ]
+    if scenario.battery is not None and np.isfinite(charges).all():
+        key = ("battery", "initial_charge")
+        own.append(Override(f"the charges of {name}", key, charges.round(4).tolist()))
     resolved = resolve(site.scenario, (*site.settings, *own), site.seed)
     robots, simulated = len(log.robots), scenario.fleet.robots
-    notes = [f"{path.name}: {note}" for note in (*log.counts.sentences(), *day.notes)]
+    notes = [f"{name}: {note}" for note in day.notes]
     if robots != simulated:
         notes.append(
-            f"{path.name}: {count(robots, 'robot')} in the log, {simulated:,} in the scenario"
+            f"{name}: {count(robots, 'robot')} in the log, {simulated:,} in the scenario, which begin at "
+            "their starts"
         )
-    fine = ticks * resolved.scenario.refine
-    return SiteDay(path.stem, begin, fine, trace, resolved, by_load, day.released, tuple(notes))
+    return SiteDay(
+        name,
+        begin,
+        ticks * resolved.scenario.refine,
+        trace,
+        resolved,
+        tuple(own),
+        by_load,
+        day.released,
+        cells,
+        tuple(notes),
+    )
 
 
-def log_of_carries(log: StateLog, file: str) -> StateLog:
+def with_changes(site: ComparedSite, day: SiteDay, changes: Sequence[str]) -> Resolved:
+    """The scenario of a day with other settings, KEY=VALUE. Raises InputError."""
+    return resolve(site.scenario, (*site.settings, *changes, *day.own), site.seed)
+
+
+def first_states(log: StateLog, place: RobotTracks, robots: int) -> tuple[Array, Array]:
+    """(n,) int32 cell and (n,) percent of charge of each robot of the scenario when it is first in the
+    log; NIL and nan: not known.
+
+    Robots whose names are numbers of the fleet are these, others are numbered by name.
+    """
+    cells, charges = np.full(robots, NIL, np.int32), np.full(robots, np.nan)
+    if len(log.robots) != robots:
+        return cells, charges
+    numbers = numbers_of_robots(log.robots, robots)
+    for known, out, values in (
+        (place.cell != NIL, cells, place.cell),
+        (np.isfinite(log.samples.charge), charges, log.samples.charge),
+    ):
+        robot, first = np.unique(log.samples.robot[known], return_index=True)
+        out[numbers[robot]] = values[known][first]
+    return cells, charges
+
+
+def log_of_carries(log: StateLog) -> StateLog:
     """A log without orders in which each time that a robot carries a load is an order.
 
     Raises InputError for a log without loads.
@@ -124,7 +228,7 @@ def log_of_carries(log: StateLog, file: str) -> StateLog:
     begins = (np.diff(samples.load, prepend=0) != 0) | (np.diff(samples.robot, prepend=-1) != 0)
     number = np.cumsum(begins & (samples.load > 0))
     if not number[-1]:
-        raise InputError("has neither orders nor loads, so nothing can be compared", file)
+        raise InputError("has neither orders nor loads, so nothing can be compared")
     order = np.where(samples.load > 0, number, 0).astype(np.int32)
     names = tuple(map(str, range(1, int(number[-1]) + 1)))
     return log._replace(samples=samples._replace(order=order), orders=names)
@@ -132,8 +236,7 @@ def log_of_carries(log: StateLog, file: str) -> StateLog:
 
 def clock_setting(site: ComparedSite, begin: int, before: float = 0) -> Override:
     """The clock of a scenario at the start of a log, or some seconds before."""
-    clock = site.base.unrefined.scenario.units.scale.clock
-    offset = 0 if clock is None or clock.offset is None else clock.offset
+    clock, offset = site.base.unrefined.scenario.units.scale.clock, site.ahead // 1000
     moment = EPOCH + datetime.timedelta(seconds=round(begin / 1000) + offset - before)
     text = f"{moment:%Y-%m-%d %H:%M:%S}"
     if clock is not None and clock.offset is not None:
@@ -156,19 +259,18 @@ def orders_of_file(
     file: dict[str, Any] = {"file": str(path.resolve())}
     file |= {"time": site.order_time} if site.order_time else {}
     file |= {"columns": dict(site.order_columns)} if site.order_columns else {}
-    if scenario.orders.lines is not None:
-        section = {"lines": {**options_in(written, "lines"), **file}}
-        return DayOrders(section, same_numbers(log), np.zeros(0), ())
-    transports = {**options_in(written, "transports"), **file}
+    form = "lines" if carries_pods(scenario, site.base.floor_plan) else "transports"
+    named = {**options_in(written, form), **file}
     settings = (
         *site.settings,
         clock_setting(site, begin, SECONDS_OF_DAY),
-        Override(f"--orders {path}", ("orders",), {"transports": transports}),
+        Override(f"--orders {path}", ("orders",), {form: named}),
     )
-    listed = resolve(site.scenario, settings).unrefined.scenario.orders.listed or ()
+    read = resolve(site.scenario, settings).unrefined.scenario.orders
+    listed: Sequence[Any] = read.listed or listed_lines(read)
     tick = scenario.units.scale.tick_seconds
     releases = np.array([order.release for order in listed]) - int(SECONDS_OF_DAY / tick)
-    names = order_names(transports, path)
+    names = [] if form == "lines" else order_names(named, path)
     code = {name: number for number, name in enumerate(log.orders)}
     codes = np.array([code.get(name, NIL) for name in names] or [NIL] * len(listed))
     chosen = np.flatnonzero((releases < ticks) & ((releases >= 0) | (codes != NIL)))
@@ -176,26 +278,32 @@ def orders_of_file(
         raise InputError("no order is released during the log", str(path))
     release = np.maximum(releases[chosen], 0)
     entries = [
-        {
-            "from": list(order.ends[0]),
-            "to": list(order.ends[1]),
-            "release": int(at),
-            "weight": order.weight,
-            "priority": order.priority,
-        }
-        for order, at in zip(map(listed.__getitem__, chosen.tolist()), release, strict=True)
+        entry_of(listed[number], int(at))
+        for number, at in zip(chosen.tolist(), release, strict=True)
     ]
-    number_of = np.full(len(log.orders) + 1, NIL)
+    what = "line" if form == "lines" else "order"
+    notes = [f"{count(len(chosen), what)} of {path.name}"]
     known = np.flatnonzero(codes[chosen] != NIL)
-    number_of[codes[chosen[known]]] = known
-    notes = [f"{count(len(chosen), 'order')} of {path.name}"]
-    if len(known) < MIN_RECOVERED * len(log.orders):
-        notes.append(
-            "the orders of the log are not named in the file, so lead times begin when a robot takes "
-            "the order"
-        )
-        return DayOrders({"list": entries}, same_numbers(log), np.zeros(0), tuple(notes))
-    return DayOrders({"list": entries}, number_of, release * float(tick), tuple(notes))
+    if form == "transports" and len(known) >= MIN_RECOVERED * orders_in(log):
+        number_of = np.full(len(log.orders) + 1, NIL)
+        number_of[codes[chosen[known]]] = known
+        return DayOrders({"list": entries}, number_of, release * float(tick), tuple(notes))
+    why = "a trip of a pod is no order of the file"
+    if form == "transports":
+        why = "the orders of the log are not named in the file"
+    notes.append(f"{why}, so lead times begin when a robot takes the order")
+    section = {"list" if form == "transports" else form: entries}
+    return DayOrders(section, same_numbers(log), np.zeros(0), tuple(notes))
+
+
+def entry_of(order: Any, release: int) -> dict[str, Any]:
+    """An order or a line as a scenario writes it, with another release."""
+    due = order.due_tick
+    return {
+        **{key: value for key, value in msgspec.to_builtins(order).items() if value is not None},
+        "release": release,
+        "due": None if due is None else max(due - order.release, 0),
+    }
 
 
 def written_orders(site: ComparedSite) -> Mapping[str, Any]:
@@ -237,8 +345,20 @@ def order_names(transports: Mapping[str, Any], path: Path) -> list[str]:
 # Orders from the log.
 
 
+class OrderEnds(NamedTuple):
+    """When an order was taken and done, and the last messages before its load appears and disappears."""
+
+    taken: int  # milliseconds since 1970
+    done: int
+    pick: int
+    drop: int
+
+
+CompleteOrder = tuple[OrderEnds, list[dict[str, Any]]]  # the entries of the section of orders
+
+
 def recovered_orders(
-    log: StateLog, place: RobotTracks, floor_plan: FloorPlan, begin: int, tick: float, file: str
+    log: StateLog, place: RobotTracks, floor_plan: FloorPlan, begin: int, tick: float
 ) -> DayOrders:
     """The orders that a log shows from their beginning to their end. Raises InputError for too few."""
     gives, takes = slots_at(floor_plan)
@@ -255,37 +375,109 @@ def recovered_orders(
         slots = (takes[cell] for cell in drops if cell in takes)
         target = next((slot for slot in slots if slot != source), NIL)
         if NIL not in (source, target):
-            complete[code] = ends, list(floor_plan.xy(source)), list(floor_plan.xy(target))
-    if len(complete) < MIN_RECOVERED * max(len(log.orders), 1):
-        share = percent(len(complete) / max(len(log.orders), 1), 0)
+            xy = floor_plan.xy
+            complete[code] = ends, [{"from": list(xy(source)), "to": list(xy(target))}]
+    return released_when_taken(log, complete, "list", begin, tick)
+
+
+def released_when_taken(
+    log: StateLog, complete: Mapping[int, CompleteOrder], form: str, begin: int, tick: float
+) -> DayOrders:
+    """Orders of a log as a section of orders, each released when its robot takes it. `complete`: by
+    number in the log.
+
+    Raises InputError if these are too few.
+    """
+    orders = orders_in(log)
+    if len(complete) < MIN_RECOVERED * max(orders, 1):
+        share = percent(len(complete) / max(orders, 1), 0)
         text = f"shows both ends of only {share} of its orders"
-        raise InputError(f"{text}; name the file of orders by --orders", file)
-    longest = np.quantile([ends.done - ends.taken for ends, *_ in complete.values()], TAIL_SHARE)
+        raise InputError(f"{text}; name the file of orders by --orders")
+    longest = np.quantile([ends.done - ends.taken for ends, _ in complete.values()], TAIL_SHARE)
     last = int(log.samples.time.max()) - 2 * longest
-    entries: list[dict[str, Any]] = []
+    chosen = {code: one for code, one in complete.items() if one[0].taken <= last}
     number_of = np.full(len(log.orders) + 1, NIL)
-    for code, (ends, source_xy, target_xy) in sorted(
-        complete.items(), key=lambda item: item[1][0].taken
-    ):
-        if ends.taken <= last:
-            number_of[code] = len(entries)
-            release = max(0, math.floor((ends.taken - begin) / 1000 / tick))
-            entries.append({"from": source_xy, "to": target_xy, "release": release})
+    entries: list[dict[str, Any]] = []
+    by_time = sorted(chosen, key=lambda code: chosen[code][0].taken)
+    for number, code in enumerate(by_time):
+        number_of[code] = number
+        ends, parts = chosen[code]
+        release = max(0, math.floor((ends.taken - begin) / 1000 / tick))
+        entries += ({**part, "release": release} for part in parts)
     if not entries:
-        raise InputError("is too short: no order is done well before its end", file)
-    notes = [f"{count(len(entries), 'order')} recovered, each released when a robot takes it"]
-    if left := len(log.orders) - len(entries):
+        raise InputError("is too short: no order is done well before its end")
+    notes = [f"{count(len(chosen), 'order')} recovered, each released when a robot takes it"]
+    if left := orders - len(chosen):
         notes.append(f"{count(left, 'order')} left out: they cross the start, or come near the end")
-    return DayOrders({"list": entries}, number_of, np.zeros(0), tuple(notes))
+    return DayOrders({form: entries}, number_of, np.zeros(0), tuple(notes))
 
 
-class OrderEnds(NamedTuple):
-    """When an order was taken and done, and the last messages before its load appears and disappears."""
+def orders_in(log: StateLog) -> int:
+    """How many orders the messages of a log name."""
+    return len(np.unique(log.samples.order[log.samples.order > 0]))
 
-    taken: int  # milliseconds since 1970
-    done: int
-    pick: int
-    drop: int
+
+def recovered_lines(
+    site: ComparedSite, log: StateLog, place: RobotTracks, begin: int, tick: float
+) -> DayOrders:
+    """The trips of pods that a log shows completely, with a line for each visit of a station.
+
+    Raises InputError for too few.
+    """
+    pods, visits = pods_of_loads(log, place, site.base.unrefined), Visits(log, place, site.base)
+    complete = {}
+    for code, ends in ends_of_orders(log):
+        pod = pods.get(int(log.samples.load[ends.pick + 1]))
+        stations = visits.of(ends)
+        if pod is not None and stations:
+            complete[code] = ends, [{"pod": pod, "station": one} for one in stations]
+    return released_when_taken(log, complete, "lines", begin, tick)
+
+
+class Visits:
+    """Where robots are served with their pods: in the cells of stations, by an action if the log has
+    any there, else where they stand for two messages."""
+
+    def __init__(self, log: StateLog, place: RobotTracks, base: Resolved) -> None:
+        number = np.zeros(base.floor_plan.kind.size + 1, np.int64)  # the last: not known
+        number[base.floor_plan.stations] = np.arange(len(base.floor_plan.stations)) + 1
+        self.station = np.where(log.samples.load > 0, number[place.cell], 0)
+        self.action = log.samples.action_id
+        is_served = (self.station > 0) & (log.samples.action > 0)
+        if not is_served.any():
+            stays = (np.diff(place.cell) == 0) & (np.diff(log.samples.robot) == 0)
+            is_served = (self.station > 0) & (np.append(stays, False) | np.append(False, stays))
+        self.station[~is_served] = 0
+
+    def of(self, ends: OrderEnds) -> list[int]:
+        """The number from 1 of the station of each visit of an order."""
+        rows = slice(ends.pick + 1, ends.drop + 1)
+        station, action = self.station[rows], self.action[rows]
+        begins = (np.diff(station, prepend=0) != 0) | (np.diff(action, prepend=0) != 0)
+        numbers: list[int] = station[begins & (station > 0)].tolist()
+        return numbers
+
+
+def pods_of_loads(log: StateLog, place: RobotTracks, base: Resolved) -> dict[int, int]:
+    """The number from 1 of the pod of each load: of the pod in the cell where the load first appears,
+    else of its name. Pods of a day need not stand where those of the scenario do."""
+    cells = pod_cells(base.scenario, base.floor_plan)
+    free = {cell: number for number, cell in enumerate(cells.tolist(), 1)}
+    load, pods = log.samples.load, dict[int, int]()
+    appears = (load[1:] > 0) & (np.diff(load) != 0) & (np.diff(log.samples.robot) == 0)
+    rows = np.flatnonzero(appears)
+    for row in rows[np.argsort(log.samples.time[rows], kind="stable")].tolist():
+        if int(load[row + 1]) not in pods:
+            near = (cell for cell in cells_at(log, place, row, False) if cell in free)
+            pods[int(load[row + 1])] = free.pop(next(near, NIL), 0)
+    names, left = pod_numbers(base.scenario, len(cells)), set(free.values())
+    for one in [one for one, pod in pods.items() if not pod]:
+        pod = names.get(log.loads[one - 1], NIL) + 1
+        if pod in left:
+            pods[one] = pod
+        else:
+            del pods[one]
+    return pods
 
 
 def ends_of_orders(log: StateLog) -> Iterator[tuple[int, OrderEnds]]:

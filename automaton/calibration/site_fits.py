@@ -65,7 +65,7 @@ class SiteFits(NamedTuple):
     estimates: dict[str, Estimate]
     unsaid: list[str]
     notes: list[str]
-    operations: dict[str, duration_fits.DurationFit]  # those with an estimate
+    operations: dict[str, duration_fits.DurationFit]  # pick, drop, handling; keys of types
     delays: stop_fits.DelayFit | None
     repair: duration_fits.DurationFit | None
     towed: bool
@@ -259,8 +259,12 @@ def _fit_operations(
         fit = duration_fits.fit_durations(data)
         if len(data.gaps) and not fitting.is_long_enough(key, fit.mean):
             continue
+        present = None
+        if name == "handling":
+            fit = fit._replace(empirical=duration_fits.empirical_quantiles(data))
+        else:
+            present = fitting.present(name, None)
         out[name] = fit
-        present = None if name == "handling" else fitting.present(name, None)
         fitting.add_duration(key, present, fit)
         for kind in range(len(fitting.types) if present is not None else 0):
             own = fitting.operations(chosen & (fitting.kind == kind))
@@ -268,6 +272,7 @@ def _fit_operations(
                 continue
             of_type, usual = duration_fits.fit_durations(own), fitting.present(name, kind)
             if usual != present or not of_type.low <= fit.mean <= of_type.high:
+                out[fitting.key(kind, key)] = of_type
                 fitting.add_duration(fitting.key(kind, key), usual, of_type)
     return out
 

@@ -91,6 +91,13 @@ class StateLog(NamedTuple):
     usable: Array  # (n,) bool: row i and the next are of one robot, without gap or clock step
     counts: LogCounts
 
+    def part(self, rows: Array) -> StateLog:
+        """Some of the messages; `rows`: sorted."""
+        samples = Samples(*(column[rows] for column in self.samples))
+        return self._replace(
+            samples=samples, usable=self.usable[rows] & (np.diff(rows, append=-1) == 1)
+        )
+
     def rows_of_robots(self) -> list[slice]:
         """The rows of each robot."""
         firsts = np.searchsorted(self.samples.robot, np.arange(len(self.robots) + 1)).tolist()

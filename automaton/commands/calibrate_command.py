@@ -9,9 +9,17 @@ import argparse
 from collections.abc import Iterator, Mapping
 from fractions import Fraction
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 from automaton.atomic_write import atomic_writer
+from automaton.calibration.demand import (
+    WeeklyDemand,
+    arrival_settings,
+    check_weeks,
+    fit_demand,
+    read_releases,
+    releases_at,
+)
 from automaton.commands.arguments import (
     add_output_arguments,
     add_settings_argument,
@@ -24,15 +32,27 @@ from automaton.commands.arguments import (
     show_line,
     whole,
 )
-from automaton.commands.demand_mode import add_orders_arguments, fit_orders
+from automaton.commands.demand_mode import add_orders_arguments, fit_orders, order_columns
 from automaton.commands.log_command import add_columns_argument, named
 from automaton.errors import InputError, alternatives
 from automaton.units import count, exact_time
+
+if TYPE_CHECKING:
+    from automaton.calibration.output_tuning import Tuned, Tuning
+    from automaton.world.resolve import Resolved
+
+ARRIVALS: Final = "orders.arrivals"
+DEFAULT_BUDGET: Final = 500  # runs
 
 
 def pairs(text: str) -> int:
     """The type of --pairs: 0, or enough for an interval."""
     return 0 if text == "0" else whole("a number of pairs, or 0", 2, 1000)(text)
+
+
+def keys(text: str) -> list[str]:
+    """The type of --tune: keys of a scenario."""
+    return [key.strip() for key in text.split(",") if key.strip()]
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -42,7 +62,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("logs", nargs="*", type=Path, metavar="LOG", help=text)
     add("--floor", metavar="SCENARIO", help="the scenario of the site: a file, or a shipped name")
     add_settings_argument(parser)
-    text = "without LOG: a file of orders of at least 4 weeks; --out gets the rates of the week"
+    text = (
+        "a file of orders of at least 4 weeks, whose rates and batches are fitted (default: orders of "
+        "the log); without LOG, --out gets the rates of the week"
+    )
     add_orders_arguments(parser, text)
     text = "write the settings to FILE, for --set @FILE"
     add("--out", type=Path, required=True, metavar="FILE", help=text)
@@ -72,6 +95,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "20; 0: no runs)"
     )
     add("--pairs", type=pairs, default=20, metavar="N", help=text)
+    text = (
+        "tune at most two numbers, so that throughput and lead time of the days of the logs agree with "
+        "the site; then compare needs other days"
+    )
+    add("--tune", type=keys, default=[], metavar="KEY[,KEY]", help=text)
+    text = f"with --tune: make at most RUNS runs (default: {DEFAULT_BUDGET})"
+    whole_runs = whole("a number of runs", 1)
+    add("--budget", type=whole_runs, default=DEFAULT_BUDGET, metavar="RUNS", help=text)
     add_workers_argument(parser)
     add_output_arguments(parser, "--report")
 
@@ -82,8 +113,6 @@ def run(args: argparse.Namespace) -> int:
         if args.orders is None:
             raise InputError("calibrate needs a LOG, or --orders FILE")
         return fit_orders(args)
-    if args.orders is not None:
-        raise InputError("--orders is fitted without a LOG; leave one of them out")
     if args.floor is None:
         raise InputError("a log needs --floor SCENARIO, whose floor the robots drive on")
     check_scipy()
@@ -98,25 +127,151 @@ def run(args: argparse.Namespace) -> int:
     check_fields(actions, OPERATIONS)
     base = resolve(args.floor, args.settings)
     print_warnings(base)
+    if args.tune:
+        from automaton.calibration.output_tuning import tuned_numbers
+
+        tuned_numbers(args.tune, written_data(args))  # a wrong key, before all the work
     log = read_log(args.logs, dict(args.columns))
     thresholds = Thresholds(args.slow_stretch / 100, float(args.shortest_delay))
     try:
         fits = fit_site(log, base, {**OPERATIONS, **actions}, thresholds)
     except InputError as error:
         raise error.at(str(args.logs[0])) from None
-    model = fitted_model(args, fits)
+    demand = demand_of_site(args, log, base)
+    model = fitted_model(args, fits, demand)
+    tuning = tuned_model(args, fits, model) if args.tune else None
     text = settings_text(model.settings, fits, ", ".join(map(str, args.logs)))
+    text = text if tuning is None else f"# Tuned: {model.remarks[-1]}.\n{text}"
     with atomic_writer(args.out) as file:
         file.write(text.encode())
     note(f"wrote {args.out}; use it with --set @{args.out}")
     from automaton.calibration.fit_report import fit_document, fit_record
 
     head = args.floor, str(args.out), log.counts.sentences()
-    output.write(
-        lambda: fit_document(fits, model.remarks, *head),
-        lambda: fit_record(fits, model.settings, model.remarks, *head),
-    )
+
+    def document() -> Any:
+        out = fit_document(fits, model.remarks, *head)
+        if tuning is not None:
+            from automaton.calibration.output_tuning import tuning_blocks
+
+            out.add(*tuning_blocks(tuning))
+        if ARRIVALS in fits.estimates and demand is not None:
+            from automaton.calibration.demand_report import demand_blocks
+
+            out.add(*demand_blocks(demand))
+        return out
+
+    def record() -> dict[str, Any]:
+        from automaton.calibration.output_tuning import tuning_record
+
+        tuned = None if tuning is None else tuning_record(tuning)
+        return {**fit_record(fits, model.settings, model.remarks, *head), "tuned": tuned}
+
+    output.write(document, record)
     return 0
+
+
+def tuned_model(args: argparse.Namespace, fits: Any, model: FittedModel) -> Tuning:
+    """Tune numbers of the fitted model by the days of the logs, and put them into it."""
+    from automaton.calibration import output_tuning
+    from automaton.calibration.fitted_settings import arguments_of
+    from automaton.calibration.site_day import ComparedSite, read_days
+    from automaton.scenario.document import Document, override
+    from automaton.world.resolve import resolve
+
+    own = tuple(arguments_of(model.settings))
+    settings = (*args.settings, *own)
+    data = override(Document(dict(written_data(args))), own).data
+    numbers = output_tuning.tuned_numbers(args.tune, data)
+    base = resolve(args.floor, settings)
+    columns = dict(args.columns), order_columns(args), args.order_time
+    site = ComparedSite(args.floor, settings, None, base, *columns)
+    days = [day for log in args.logs for day in read_days(site, log, args.orders)]
+    done = 0
+
+    def on_done(more: int) -> None:
+        nonlocal done
+        done += more
+        show_line(f"tuning: {done:,} of at most {args.budget:,} runs")
+
+    tuning = output_tuning.tune_outputs(site, days, numbers, args.budget, args.workers, on_done)
+    show_line("")
+    output_tuning.with_numbers(model.settings, data, tuning.tuned)
+    for one in tuning.tuned:
+        before = fits.estimates.pop(one.number.key, None)
+        present = one.number.amount if before is None else before.present
+        if one.ends is not None:
+            fits.estimates[one.number.key] = estimate_of(one, one.ends, present, len(days))
+    changes = " and ".join(output_tuning.change_words(one) for one in tuning.tuned)
+    model.remarks.append(f"{changes}, by outputs of these days; `compare` needs other days")
+    return tuning
+
+
+def estimate_of(one: Tuned, ends: tuple[float, float], present: float | None, days: int) -> Any:
+    """A tuned number among the estimates."""
+    from automaton.calibration.motion_fits import FittedValue
+    from automaton.calibration.site_fits import Estimate
+
+    number = one.number
+    value = FittedValue(one.factor, *ends, days).scaled(number.amount)
+    observed = count(days, "day")
+    return Estimate(number.key, number.unit, present, value, observed, "tuned by outputs")
+
+
+def demand_of_site(args: argparse.Namespace, log: Any, base: Resolved) -> WeeklyDemand | None:
+    """The demand of the file of orders, else of the orders of the log; None: neither."""
+    import numpy as np
+
+    if args.orders is not None:
+        named = order_columns(args) or {}
+        released = {key: named[key] for key in ("released",) if key in named}
+        return fit_demand(read_releases(args.orders, released or None, args.order_time))
+    if not log.orders:
+        return None
+    clock = base.scenario.units.scale.clock
+    ahead = 0 if clock is None else 1000 * (clock.offset or 0)
+    first = np.full(len(log.orders) + 1, log.samples.time.max())
+    np.minimum.at(first, log.samples.order, log.samples.time)
+    return fit_demand(releases_at(first[1:] + ahead))
+
+
+def add_arrivals(
+    args: argparse.Namespace,
+    fits: Any,
+    demand: WeeklyDemand | None,
+    data: Mapping[str, Any],
+    settings: dict[str, Any],
+) -> Iterator[str]:
+    """Add the demand to the fits and the settings, or to what cannot be said; yield remarks."""
+    from automaton.calibration.demand_report import poisson_verdict
+    from automaton.calibration.fitted_settings import arguments_of
+    from automaton.calibration.motion_fits import FittedValue
+    from automaton.calibration.site_fits import Estimate
+    from automaton.studies.inference.intervals import mean_interval
+    from automaton.world.resolve import resolve
+
+    source = "the log" if args.orders is None else str(args.orders)
+    if demand is None:
+        fits.unsaid.append(f"{ARRIVALS}: the log names no orders; --orders FILE reads them")
+        return
+    section = arrival_settings(demand, data.get("orders") or {})
+    try:
+        check_weeks(demand, source)
+        with_orders = arguments_of({**settings, "orders": section})
+        resolve(args.floor, [*args.settings, *with_orders])
+    except InputError as error:
+        which = f"{source} " if error.file == source else ""
+        fits.unsaid.append(f"{ARRIVALS}: {which}{error.message}")
+        if args.orders is not None:
+            yield f"`compare --orders {source}` runs days with these orders as they are"
+        return
+    settings["orders"] = section
+    rate = mean_interval(demand.weekly)
+    low, high = (rate.value if end is None else end for end in (rate.low, rate.high))
+    value = FittedValue(rate.value, low, high, rate.n)
+    observed = f"{count(int(demand.counts.sum()), 'order')}, {count(demand.days, 'day')}"
+    fits.estimates[ARRIVALS] = Estimate(ARRIVALS, "/h", None, value, observed, "mean of the weeks")
+    yield f"orders: would Poisson arrivals do? {poisson_verdict(demand)}"
 
 
 def check_scipy() -> None:
@@ -144,7 +299,7 @@ class FittedModel(NamedTuple):
     remarks: list[str]
 
 
-def fitted_model(args: argparse.Namespace, fits: Any) -> FittedModel:
+def fitted_model(args: argparse.Namespace, fits: Any, demand: WeeklyDemand | None) -> FittedModel:
     """The settings: the tick that they need, and the family of handling times that is good enough."""
     from automaton.calibration.fitted_settings import (
         arguments_of,
@@ -156,9 +311,9 @@ def fitted_model(args: argparse.Namespace, fits: Any) -> FittedModel:
 
     data = written_data(args)
     settings = settings_of(fits, data)
+    remarks = list(add_arrivals(args, fits, demand, data, settings))
     own = [*args.settings, *arguments_of(settings)]
     fitted = resolve(args.floor, own)
-    remarks = []
     if "handling" in settings.get("durations", {}) and own_handling(data):
         named = ", ".join(own_handling(data))
         remarks.append(f"{named} has handling times of its own, which calibrate does not change")
@@ -223,8 +378,10 @@ def compare_models(
 
     fit = fits.operations.get("handling")
     if fit is not None and fit.family != "constant":
-        units = {"units": settings["units"]} if "units" in settings else {}
-        empirical = {**settings_of(fits, data, is_empirical=True), **units}
+        others: dict[str, Any] = {
+            name: settings[name] for name in ("units", "orders") if name in settings
+        }
+        empirical = {**settings_of(fits, data, is_empirical=True), **others}
         differs, words = difference(settings, empirical)
         if differs:
             settings["durations"] = empirical["durations"]

@@ -21,7 +21,6 @@ from automaton.commands.arguments import (
 from automaton.commands.demand_mode import add_orders_arguments, order_columns
 from automaton.commands.log_command import add_columns_argument
 from automaton.errors import InputError
-from automaton.scenario.orders import TransportColumns
 from automaton.units import count
 
 MIN_REPLICATIONS, MAX_REPLICATIONS = 20, 10_000
@@ -31,9 +30,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The arguments of `automaton compare`."""
     add_scenario_arguments(parser)
     add = parser.add_argument
-    text = (
-        "the log of a day: VDA 5050 state messages, one JSON object a line, or CSV; one LOG a day"
-    )
+    text = "logs: VDA 5050 state messages, one JSON object a line, or CSV; each of a day, or of several"
     add("logs", nargs="+", type=Path, metavar="LOG", help=text)
     add_columns_argument(parser)
     text = (
@@ -64,19 +61,23 @@ def run(args: argparse.Namespace) -> int:
     from automaton.calibration.agreement import DIFFERS
     from automaton.calibration.agreement_report import agreement_document, agreement_record
     from automaton.calibration.compared_days import compare_days
-    from automaton.calibration.site_day import ComparedSite, read_day
+    from automaton.calibration.site_day import ComparedSite, read_days
     from automaton.world.resolve import resolve
 
     base = resolve(args.scenario, args.settings, args.seed)
     print_warnings(base)
-    named = order_columns(args, TransportColumns.__struct_encode_fields__)
+    named = order_columns(args)
     settings = tuple(args.settings)
     site = ComparedSite(
         args.scenario, settings, args.seed, base, dict(args.columns), named, args.order_time
     )
     none: list[Path | None] = [None]
     of_log = [*orders] if len(orders) > 1 else [*(orders or none)] * len(args.logs)
-    days = [read_day(site, log, file) for log, file in zip(args.logs, of_log, strict=True)]
+    days = [
+        day
+        for log, file in zip(args.logs, of_log, strict=True)
+        for day in read_days(site, log, file)
+    ]
     left, done = args.runs * len(days), 0
 
     def on_done(more: int) -> None:

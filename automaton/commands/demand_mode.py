@@ -6,14 +6,18 @@
 from __future__ import annotations
 
 import argparse
+import itertools
 from pathlib import Path
 
 from automaton.atomic_write import atomic_writer
 from automaton.calibration.demand import check_weeks, fit_demand, read_releases, week_csv
 from automaton.commands.arguments import check_writable, note, output_of
 from automaton.errors import InputError, nearest
+from automaton.scenario.orders import LineColumns, TransportColumns
 
 CSV: tuple[str, ...] = (".csv",)
+FIELDS_OF_FORMS = (TransportColumns.__struct_encode_fields__, LineColumns.__struct_encode_fields__)
+ORDER_FIELDS = tuple(dict.fromkeys(itertools.chain(*FIELDS_OF_FORMS)))
 
 
 def add_orders_arguments(parser: argparse.ArgumentParser, text: str, several: bool = False) -> None:
@@ -33,7 +37,9 @@ def add_orders_arguments(parser: argparse.ArgumentParser, text: str, several: bo
     add("--order-time", metavar="FORMAT", help=text)
 
 
-def order_columns(args: argparse.Namespace, fields: tuple[str, ...]) -> dict[str, str] | None:
+def order_columns(
+    args: argparse.Namespace, fields: tuple[str, ...] = ORDER_FIELDS
+) -> dict[str, str] | None:
     """The names of columns by field; None: columns have the names of fields. Raises InputError."""
     columns = {}
     for text in args.order_columns:

@@ -9,9 +9,12 @@ from typing import Any
 
 import numpy as np
 import pytest
+import yaml
 
 from automaton.calibration import agreement as judged
+from automaton.calibration import output_tuning
 from automaton.calibration.agreement import DayResult, agreement, combined, days_needed, holm
+from automaton.calibration.compared_days import place_robots
 from automaton.calibration.fleet_trace import (
     FleetTrace,
     MeasurePlan,
@@ -20,13 +23,20 @@ from automaton.calibration.fleet_trace import (
     trace_of_log,
 )
 from automaton.calibration.log_on_floor import placed
-from automaton.calibration.site_day import ComparedSite, read_day
+from automaton.calibration.output_tuning import (
+    Tuned,
+    tune_outputs,
+    tuned_numbers,
+    with_numbers,
+)
+from automaton.calibration.site_day import ComparedSite, SiteDay, parts_of, read_days
 from automaton.calibration.state_log import read_log
 from automaton.commands import main
-from automaton.engine.state import NIL
+from automaton.engine.state import NIL, ORDER_DELIVERED
 from automaton.errors import InputError
 from automaton.runs.headless import Sampling, run_to_end
 from automaton.runs.simulation import Simulation
+from automaton.scenario.order_lines import listed_lines
 from automaton.world.resolve import resolve
 
 SCENARIO = """\
@@ -61,6 +71,11 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def site_in(folder: Path, *settings: str) -> ComparedSite:
     scenario = str(folder / "site.yaml")
     return ComparedSite(scenario, settings, None, resolve(scenario, settings), {}, None, None)
+
+
+def read_day(site: ComparedSite, log: Path, orders: Path | None) -> SiteDay:
+    (day,) = read_days(site, log, orders)
+    return day
 
 
 def plan(trace: FleetTrace, *busiest: int, stretch: int = NIL) -> MeasurePlan:
@@ -175,6 +190,91 @@ def test_loads_stand_for_orders_in_a_log_that_names_none(folder: Path) -> None:
         read_day(site_in(folder), path, None)
 
 
+def test_trips_of_pods_become_a_line_for_each_visit(tmp_path: Path) -> None:
+    scenario = "goods-mini"
+    settings = ["orders={lines: {count: 30, mean_interarrival_time: 50}}"]
+    settings += ["stop={when: never, max_duration: 1500}", "units.clock=2026-03-02 06:00"]
+    recording, log = tmp_path / "day.rec", tmp_path / "day.jsonl"
+    command = ["run", scenario, "--record", str(recording)]
+    assert main([*command, *(f"--set={one}" for one in settings)]) == 0
+    assert main(["export", str(recording), "--vda5050", str(log), "--every", "2s"]) == 0
+    base = resolve(scenario, settings)
+    day = read_day(ComparedSite(scenario, tuple(settings), None, base, {}, None, None), log, None)
+    lines = listed_lines(day.resolved.scenario.orders)
+    simulation = Simulation(base)
+    simulation.run(1500)
+    trips = simulation.world.trips
+    done = trips.pod[simulation.world.orders.state == ORDER_DELIVERED] + 1
+    recovered = Counter(int(line.pod or 0) for line in lines)
+    assert len(lines) > 10 and (recovered - Counter(done.tolist())).total() == 0
+    assert {line.station for line in lines} == {1}
+    assert day.trace.order.max() == len(lines) - 1
+
+
+def test_a_log_of_several_days_is_divided_at_midnight_of_the_site(folder: Path) -> None:
+    hours = [f"2026-03-0{day}T{hour:02}:00:00" for day in (2, 3, 4) for hour in (1, 9, 23)]
+    rows = [f"{robot},{hour},{robot + 1}.5,2.5" for robot in (0, 1) for hour in hours]
+    path = folder / "days.csv"
+    path.write_text("\n".join(["robot,time,x,y", *rows]))
+    site = site_in(folder, "units.clock=2026-03-02 06:00+02:00")
+    log = read_log([path])
+    place = placed(log, site.base.floor_plan, site.base.scenario.units)
+    parts = list(parts_of(log, place, site.ahead))
+    # 23:00 in UTC is 01:00 of the next day; what is left of the fifth is too short
+    assert [(part.date, len(part.log.samples.time)) for part in parts] == [
+        ("2026-03-02", 4),
+        ("2026-03-03", 6),
+        ("2026-03-04", 6),
+    ]
+    assert all(len(part.place.cell) == len(part.log.usable) for part in parts)
+
+
+def test_robots_begin_where_the_log_has_them_if_the_floor_allows(folder: Path) -> None:
+    base = site_in(folder).base
+    xy = base.floor_plan.cell
+    for wanted, expected in (
+        ((xy(0, 1), xy(3, 1)), (xy(0, 1), xy(3, 1))),
+        ((xy(2, 0), NIL), (xy(1, 0), xy(2, 0))),  # the other robot begins there
+        ((xy(2, 0), xy(1, 0)), (xy(2, 0), xy(1, 0))),
+        ((xy(1, 1), xy(0, 0)), (xy(1, 0), xy(2, 0))),  # a wall, a station
+    ):
+        simulation = Simulation(base)
+        place_robots(simulation, np.array(wanted, np.int32))
+        robots = simulation.world.robots
+        assert robots.cell[robots.at_index].tolist() == list(expected)
+        simulation.run(300)
+        assert (simulation.world.orders.state == ORDER_DELIVERED).sum() > 5
+
+
+def test_two_numbers_at_most_are_tuned_until_days_agree(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(output_tuning, "DAYS_AND_SEEDS", 5)
+    site = site_in(folder, "durations.pick=8")
+    data = yaml.safe_load(SCENARIO) | {"durations": {"pick": 8, "move": {"empty": "1 m/s"}}}
+    (number,) = tuned_numbers(["durations.pick"], data)
+    days = read_days(site, folder / "day.jsonl", None)
+    tuning = tune_outputs(site, days, [number], 100, 1, lambda runs: None)
+    (tuned,) = tuning.tuned
+    assert number.value(tuned.factor) in (3, 4)  # 4 at the site
+    before, after = tuning.outputs["lead time"][1:]
+    assert abs(after / tuning.outputs["lead time"].site - 1) < 0.05 < abs(before / after - 1)
+    assert tuning.runs <= 100 and "one day has no spread" in tuning.doubts[0]
+    settings: dict[str, Any] = {}
+    speed = tuned_numbers(["durations.move.empty"], data)[0]
+    with_numbers(settings, data, [tuned, Tuned(speed, 0.5, None)])
+    assert settings["durations"]["move"] == {"empty": "0.5 m/s"}
+    for keys, sentence in (
+        ("durations.pik", "did you mean 'durations.pick'"),
+        ("fleet.kinematics", "is not a number of the scenario"),
+        ("durations.pick,durations.drop,fleet.robots", "names 3 numbers; use 2 at most"),
+    ):
+        with pytest.raises(InputError, match=sentence):
+            tuned_numbers(keys.split(","), data)
+    with pytest.raises(InputError, match="need at least 50 runs"):
+        tune_outputs(site, days, [number], 20, 1, lambda runs: None)
+
+
 # Verdicts, on random quantities.
 
 
@@ -222,7 +322,8 @@ def test_compare_prints_its_verdict(folder: Path, capsys: pytest.CaptureFixture[
     assert main([*command, "--json"]) == 0
     record = json.loads(capsys.readouterr().out)
     assert record["verdict"] == "cannot be said" and record["days"][0]["p"] > 0.05
-    assert "too few days" in record["reasons"][0]
+    assert "one day has no spread" in record["sentence"] and record["reasons"] == []
+    assert record["days"][0]["model"].keys() == record["days"][0]["site"].keys()
     orders = ["--orders", "a.csv", "--orders", "b.csv"]
     assert main([*command, *orders]) == 2
     assert "--orders is there 2 times, but there are 1 log" in capsys.readouterr().err

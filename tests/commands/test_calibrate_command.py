@@ -5,15 +5,25 @@ The page "Fit the model to your site" runs the whole way from a log to settings 
 
 from __future__ import annotations
 
+import datetime
 import sys
 from pathlib import Path
 
 import pytest
 
 from automaton.commands import main
+from automaton.commands.arguments import settings_in
 from automaton.studies.model_pairs import Change, compare_pairs
 from automaton.world.resolve import resolve
 
+MONDAY = datetime.datetime(2026, 3, 2)
+SITE = """\
+name: site
+layout: {picture: "t......t"}
+fleet: {robots: 1, kinematics: omni, start: [[1, 0]]}
+units: {tick: 1 s, cell: 1 m, clock: "2026-03-02 06:00"}
+orders: {generator: stations, count: 9, mean_interarrival_time: 60}
+"""
 MESSAGES = "robot,time,x,y\n" + "".join(f"0,{second},{second}.5,0.5\n" for second in range(8))
 
 
@@ -22,9 +32,9 @@ MESSAGES = "robot,time,x,y\n" + "".join(f"0,{second},{second}.5,0.5\n" for secon
     [
         ("--out f.yaml", "calibrate needs a LOG, or --orders FILE"),
         ("{log} --out f.yaml", "a log needs --floor SCENARIO"),
-        ("{log} --orders {log} --out f.yaml", "--orders is fitted without a LOG"),
+        ("{log} --orders {log} --floor goods-mini --out f.yaml", "no column for released"),
         (
-            "{log} --floor goods-mini --out f.yaml --actions lift=pick",
+            "{log} --floor goods-mini --out f.yaml --action lift=pick",
             "'lift' is not an operation; use pick, drop or handling",
         ),
         ("{log} --floor goods-mini --out f.yaml --pairs 1", "'1' is not a number of pairs, or 0"),
@@ -57,6 +67,24 @@ def test_a_log_that_says_little_gives_no_settings_but_reasons(
     assert main(f"calibrate {log} --floor goods-mini --out {out} --pairs 0".split()) == 0
     assert "faults.mtbf: 0 of at least 10 breakdowns" in capsys.readouterr().out
     assert "Not fitted" in out.read_text() and out.read_text().endswith("{}\n")
+
+
+def test_orders_beside_a_log_become_arrivals_if_they_cover_four_weeks(tmp_path: Path) -> None:
+    log, site, out = (tmp_path / name for name in ("log.csv", "site.yaml", "f.yaml"))
+    log.write_text(MESSAGES)
+    site.write_text(SITE)
+    orders = tmp_path / "orders.csv"
+    command = f"calibrate {log} --floor {site} --orders {orders} --out {out} --pairs 0".split()
+    for days, sentence in ((3, "covers 3 days; rates by hour"), (29, "0.08333")):
+        moments = (
+            MONDAY + datetime.timedelta(days=k // 2, hours=6 + k % 2) for k in range(2 * days)
+        )
+        orders.write_text("".join(["released\n", *(f"{moment}\n" for moment in moments)]))
+        assert main(command) == 0
+        assert sentence in out.read_text()
+    fitted = resolve(site, settings_in(out)).scenario.orders
+    assert fitted.count is None and fitted.arrivals is not None
+    assert fitted.arrivals.rates[5:9] == [0, 1, 1, 0]
 
 
 def test_pairs_of_one_model_are_the_same_and_a_finer_tick_counts_in_the_same_time() -> None:

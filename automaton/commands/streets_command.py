@@ -10,7 +10,7 @@ import argparse
 import math
 import shlex
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -127,7 +127,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument
     text = "write streets.csv, the scenario with them, the report and all runs into this folder"
     add("--out", type=Path, metavar="DIR", required=True, help=text)
-    text = "search with N runs (default: 5000); the choice and the test of the result come on top"
+    text = "search with N runs (default: 5000); choice, reasons and test come on top"
     add("--runs", type=whole("a number of runs", 1, MAX_RUNS), default=5000, metavar="N", help=text)
     add(
         "--detail",
@@ -267,15 +267,25 @@ def finalist_number(question: SearchQuestion) -> int:
     return len(evolution.start_phases()) + len(lasts | set(every))
 
 
-def planned_runs(args: argparse.Namespace, asked: Asked) -> int:
-    """The runs of search, choice, reasons (at most) and verdict."""
+def planned_runs(args: argparse.Namespace, asked: Asked) -> dict[str, int]:
+    """The runs of search, choice, reasons (at most) and test."""
     question, fleets = asked.question, len(asked.question.robots)
-    runs = fleets * evolution.START_RUNS * len(evolution.start_phases())
-    runs += fleets * sum(number * population for _, number, population in stages_of(question))
-    runs += fleets * verdict.choice_runs(finalist_number(question))
+    starts = evolution.START_RUNS * len(evolution.start_phases())
+    generations = sum(number * population for _, number, population in stages_of(question))
     streets = len(stretches(asked.base(None).floor_plan))
-    runs += fleets * most_runs(streets, args.one_way)
-    return runs + 2 * verdict.HELD_OUT_PAIRS * (len(verdict.FLEET_SHARES) - 1 + fleets)
+    pairs = question.scaled(verdict.HELD_OUT_PAIRS)
+    return {
+        "search": fleets * (starts + generations),
+        "choice": fleets * verdict.choice_runs(question, finalist_number(question)),
+        "reasons": fleets * most_runs(streets, args.one_way, question.scaled),
+        "test": 2 * pairs * (len(verdict.FLEET_SHARES) - 1 + fleets),
+    }
+
+
+def planned_text(planned: Mapping[str, int]) -> str:
+    """Such as "at most 4,000 runs: search 3,000, choice 200, reasons 0, test 800"."""
+    parts = ", ".join(f"{name} {runs:,}" for name, runs in planned.items())
+    return f"at most {sum(planned.values()):,} runs: {parts}"
 
 
 def dry_run(args: argparse.Namespace, asked: Asked) -> int:
@@ -287,7 +297,8 @@ def dry_run(args: argparse.Namespace, asked: Asked) -> int:
     in_turns = sum(
         fleets * number * math.ceil(population / known.workers) for _, number, population in stages
     )
-    total = planned_runs(args, asked)
+    planned = planned_runs(args, asked)
+    total = sum(planned.values())
     rest = total - fleets * sum(number * population for _, number, population in stages)
     seconds = known.start_s + known.run_s * (in_turns + rest / known.workers)
     most = max(population for *_, population in stages)
@@ -296,7 +307,7 @@ def dry_run(args: argparse.Namespace, asked: Asked) -> int:
         f"search: {question.runs:,} runs at most: {len(evolution.start_phases())} start designs x "
         f"{evolution.START_RUNS}, generations {parts}"
         + (f", each with {fleets} fleets" if fleets > 1 else ""),
-        f"choice, reasons and test: at most {rest:,} runs, the start designs included",
+        planned_text(planned),
         f"time: about {duration(seconds)} with {count(known.workers, 'worker')} "
         f"({1e3 * known.run_s:,.0f} ms a run, by {count(known.pilots, 'pilot run')}; distance tables of "
         "each design come on top)",
@@ -319,6 +330,8 @@ def searched(args: argparse.Namespace, asked: Asked) -> StreetResult:
 
     question = asked.question
     floor_plan = asked.base(None).floor_plan
+    planned = planned_runs(args, asked)
+    note(f"{asked.resolved.scenario.name}: {planned_text(planned)}")
     with progress(args.out) as listener:
         begun = design_runs(
             args.out,
@@ -326,7 +339,7 @@ def searched(args: argparse.Namespace, asked: Asked) -> StreetResult:
             asked.base,
             lambda: crew_of(args),
             args.recompute,
-            lambda start: listener.begin(start._replace(runs=planned_runs(args, asked))),
+            lambda start: listener.begin(start._replace(runs=sum(planned.values()))),
             listener.rows,
             args.strategy_timeout,
         )
@@ -363,7 +376,7 @@ def context_of(args: argparse.Namespace, asked: Asked, runs: Any) -> DesignConte
         question.metric,
         question.is_higher_better,
         question.robots,
-        question.seeds,
+        lambda purpose, number: question.seeds(purpose, question.scaled(number)),
         args.workers,
     )
 
@@ -414,8 +427,8 @@ def document_of(result: StreetResult, asked: Asked, args: argparse.Namespace) ->
         f"Which weights of streets give the {direction} {question.metric} ({unit}: {meaning})? "
         f"{generations} of designs, then {count(len(result.search.finalists), 'finalist')} in "
         f"{count(result.choice.rounds, 'round')} with {result.choice.runs:,} runs, then "
-        f"{verdict.HELD_OUT_PAIRS} pairs of runs for each fleet, with seeds that search and choice "
-        "did not use."
+        f"{question.scaled(verdict.HELD_OUT_PAIRS)} pairs of runs for each fleet, with seeds that search "
+        "and choice did not use."
     )
     document.add(Heading("Question"), Text(text), Heading("Answer"))
     document.add(Listed(list(answer(result, asked)), strong=True))
@@ -476,7 +489,8 @@ def fleet_blocks(result: StreetResult, question: SearchQuestion) -> Iterator[Blo
         rows.append([*cells, gain, *beside])
     head = ["robots", "as it is", "with streets", f"{question.metric}, 95 %", *sides]
     yield Table(head, rows, left=0)
-    lines = [f"*: the fleet of the search. {verdict.HELD_OUT_PAIRS} pairs for each fleet."]
+    pairs = question.scaled(verdict.HELD_OUT_PAIRS)
+    lines = [f"*: the fleet of the search. {pairs} pairs for each fleet."]
     lines += [
         f"{one.robots:,} robots: {count(one.pairs, 'pair')}; without {question.metric} or unfinished: "
         f"{one.unfinished[0]:,} runs as it is, {one.unfinished[1]:,} with streets."

@@ -197,15 +197,15 @@ def check_closings(
                 yield Finding(keys, f"streets leave no way from [{x}, {y}] to [{u}, {v}]{text}")
 
 
-def streets_in_words(scenario: Scenario, floor_plan: FloorPlan) -> str:
-    """What streets change on a floor, which has them: "streets: 6 moves closed"; "" if nothing."""
-    weights = streets_on(floor_plan, scenario.streets, is_closed=True)
-    possible = (floor_plan.possible_exits.reshape(-1)[:, None] >> np.arange(4)) & 1 > 0
+def streets_in_words(before: FloorPlan, after: FloorPlan) -> str:
+    """What streets change on a floor: "streets: 6 moves closed"; "" if nothing but weights."""
+    exits, now = before.exits, after.exits
+    is_other = before.capacity != after.capacity
     numbers = (
-        (weights.closed & possible, "move", "closed"),
-        (weights.opened & ~weights.closed, "move", "opened"),
-        (weights.capacity == 1, "cell", "for 1 robot"),
-        (weights.capacity == 2, "cell", "for 2 robots"),
+        (np.bitwise_count(exits & ~now), "move", "closed"),
+        (np.bitwise_count(now & ~exits), "move", "opened"),
+        (is_other & (after.capacity == 1), "cell", "for 1 robot"),
+        (is_other & (after.capacity == 2), "cell", "for 2 robots"),
     )
     parts = [f"{count(int(some.sum()), what)} {rule}" for some, what, rule in numbers if some.any()]
     return f"streets: {', '.join(parts)}" if parts else ""

@@ -27,6 +27,7 @@ from automaton.world.capabilities import with_right_of_way
 from automaton.world.feasibility import check_energy, feasible_fleet
 from automaton.world.floor_parts import (
     check_speed_limits,
+    streets_in_words,
     with_charger_blocks,
     with_open_places,
     with_shared_chargers,
@@ -75,7 +76,7 @@ def _resolved(reading: Reading, settings: tuple[str | Override, ...]) -> Resolve
     refuse(check_speed_limits(scenario, floor.floor_plan))
     limits = scenario.floor.speed_limits
     floor = floor._replace(floor_plan=with_speed_limits(floor.floor_plan, limits))
-    own_streets = scenario.streets
+    own_streets, drawn = scenario.streets, floor.floor_plan
     if own_streets is not None:
         scenario, streets = reading.with_streets_on_floor(scenario, floor)
         floor = floor._replace(floor_plan=with_streets(scenario, streets.weights))
@@ -112,6 +113,7 @@ def _resolved(reading: Reading, settings: tuple[str | Override, ...]) -> Resolve
         day_pattern=reading.pattern,
         own_allocations=own_allocations,
         own_streets=own_streets,
+        streets_in_words=streets_in_words(drawn, floor.floor_plan),
     )
     vars(resolved)["fleet"] = fleet  # with the results of the checks
     refuse(check_allocations(resolved))

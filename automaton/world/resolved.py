@@ -22,7 +22,7 @@ from automaton.scenario.validation import Conversion
 from automaton.strategy.lookup import NoParameters, ZoningParameters, zoning_parameters_of
 from automaton.units import count
 from automaton.world.capabilities import FleetOnFloor, Start
-from automaton.world.floor_parts import all_station_names, streets_in_words, with_speed_limits
+from automaton.world.floor_parts import all_station_names, with_speed_limits
 
 
 class StrategyChoice(NamedTuple):
@@ -50,6 +50,7 @@ class Resolved:
     # The allocation of each type of robots that has its own; None: that of `strategies`.
     own_allocations: tuple[StrategyChoice | None, ...] = ()
     own_streets: Any = None  # Streets as the scenario has them, before their file was read
+    streets_in_words: str = ""  # what they change on the floor, besides weights
     days: tuple[Day, ...] = ()  # files of orders or lines; a seed draws one of them
     day: int = 0  # the one whose orders the scenario has
     day_pattern: str = ""  # that the files match; "" if the scenario names a single one
@@ -74,11 +75,6 @@ class Resolved:
     def order_file(self) -> ReadFile | None:
         """The file of its orders or lines."""
         return self.days[self.day].file if self.days else None
-
-    @property
-    def streets_in_words(self) -> str:
-        """What its streets change on the floor; "" if they change nothing but weights."""
-        return streets_in_words(self.scenario, self.floor_plan)
 
     @property
     def has_same_orders(self) -> bool:

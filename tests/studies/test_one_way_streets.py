@@ -127,6 +127,19 @@ def scattered(floor_plan: Any, seed: int) -> StreetDesign:
     return design
 
 
+def test_the_mouths_of_a_lift_stay_open_both_ways() -> None:
+    """Without the lift the move into its upper mouth is closed."""
+    picture = "......\n.####.\n......"
+    lift = {"shaft": [[0, 0], [0, 2]], "travel_time": 4}
+    for lifts in ([], [lift]):
+        resolved = resolved_on(picture, floor={"lifts": lifts})
+        design = design_of(resolved.floor_plan, *CLOCKWISE)
+        candidates = closing_candidates(design, resolved.floor_plan, np.ones(design.moves.shape))
+        closings, two_way = closed_where_possible(design, NeededWays(resolved), candidates)
+        assert len(two_way) == (3 if lifts else 0)
+        assert len(closings) == (1 if lifts else 4)
+
+
 # Pods whose queues or ways would break; rails; bays, areas and several types.
 @pytest.mark.parametrize("number", [74, 94, 150, 316, 3])
 def test_check_accepts_every_one_way_design(number: int) -> None:

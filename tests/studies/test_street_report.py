@@ -141,7 +141,10 @@ def test_what_became_one_way_and_what_was_left_out_is_said() -> None:
     assert needed.startswith("no street is one-way; two-way: 1 that robots need both ways")
     less = FewerStreets(design, (street,), worth.worth, True)
     change = " (-0.2 % (-0.4 to -0.0))"
-    assert fewer_words(less) == f"streets left out because they have no effect: 1{change}"
+    assert fewer_words(less) == (
+        "streets left out, none of which has a significant effect alone: 1; "
+        "without all of them -0.2 % (-0.4 to -0.0), where a loss of 0.5 % is allowed"
+    )
     assert fewer_words(less._replace(is_kept=False)).endswith(
         f"because together they have one{change}"
     )

@@ -51,7 +51,8 @@ class TwoThreads(OwnThread):
 @pytest.fixture
 def small(monkeypatch: pytest.MonkeyPatch) -> None:
     """Few runs in every part of a search, in this process."""
-    for name, value in {"START_RUNS": 2, "FIRST_POPULATION": 4, "POPULATION": 4}.items():
+    small = {"START_RUNS": 2, "FIRST_POPULATION": 4, "POPULATION": 4, "FULL_SEARCH": 1}
+    for name, value in small.items():
         monkeypatch.setattr(evolution, name, value)
     monkeypatch.setattr(verdict, "SELECT_RUNS", 2)
     monkeypatch.setattr(verdict, "HELD_OUT_PAIRS", 3)

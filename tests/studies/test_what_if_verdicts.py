@@ -150,6 +150,19 @@ def test_the_page_calls_points_by_their_names_in_one_table_and_one_picture() -> 
     assert "condition" not in text and "factor" not in text
 
 
+def test_a_change_after_which_robots_stand_is_named_in_the_decision() -> None:
+    results = synthetic_store(
+        made_up("today", "one-way", "fast"),
+        runs(0, -2, -2),
+        deadlocks=lambda p, r: int(p < 2 and r == 0),
+        jam=lambda p, r: "a jam" if p == 1 and r < 3 else None,
+    )
+    blocks = list(what_if_page(results, comparisons(results), []))
+    text = " ".join(as_text(ReportDocument("made up", blocks)).split())
+    assert "With one-way robots deadlock or jam in 3 of 8 runs (today: 1)." in text
+    assert text.count("deadlock or jam") == 1
+
+
 def test_each_metric_of_the_picture_has_a_scale_of_its_own() -> None:
     metrics = ("makespan", "late_share", "deadlocks")
     study = made_up("today", "slower", metrics=metrics)

@@ -56,6 +56,7 @@ IDENTICAL: Final = "identical runs"
 TOO_FEW_PAIRS: Final = "not compared: fewer than two pairs of complete runs"
 ALL_POINTS: Final = "all points"
 AS_IT_IS: Final = "the scenario as it is"
+STANDING: Final = ("deadlocks", "jam")  # columns of runs in which robots stand for long
 
 
 class WhatIf(NamedTuple):
@@ -127,7 +128,8 @@ def what_if_page(
     if not outcomes:
         yield Text(no_answer(results), strong=True)
     else:
-        yield Text(what_if_decision(results, outcomes), strong=True)
+        standing = [text for pair in pairs_of(outcomes) if (text := standing_text(results, *pair))]
+        yield Text(" ".join((what_if_decision(results, outcomes), *standing)), strong=True)
         yield Listed([sentence(results, outcomes, pair) for pair in pairs_of(outcomes)])
         drawn = what_if_picture(results, outcomes)
         yield from [] if drawn is None else [drawn]
@@ -174,6 +176,18 @@ def what_if_decision(results: Results, outcomes: Sequence[WhatIf]) -> str:
         return f"Do it: {texts[0]} improves {metric} {sure}."
     verb = "improves" if len(better) == 1 else "improve"
     return f"{len(better):,} of {changes} {verb} {metric} {sure}: {'; '.join(texts)}."
+
+
+def standing_text(results: Results, point: Point, base: Point) -> str:
+    """A sentence if robots of a change deadlock or jam in more runs than without it; else ""."""
+    each = [sum(any(run[1:]) for run in results.stored(one, *STANDING)) for one in (point, base)]
+    if each[0] <= each[1]:
+        return ""
+    runs = count(results.counts(point).done, "run")
+    name = point_name(results.study, point)
+    return (
+        f"With {name} robots deadlock or jam in {each[0]:,} of {runs} ({base.name}: {each[1]:,})."
+    )
 
 
 def no_answer(results: Results) -> str:

@@ -37,6 +37,8 @@ FIRST_STEP: Final = 0.3
 LATER_STEP: Final = 0.15
 RESAMPLING: Final = 10  # tries to draw numbers within their limits, before they are cut
 START_RUNS: Final = 8
+FULL_SEARCH: Final = 2000  # runs; after a shorter search the later parts have fewer runs, too
+LEAST_SHARE: Final = 0.2  # of their runs
 FINALIST_EVERY: Final = 10  # generations
 UNCHANGED: Final = "as it is"
 INSTALL: Final = "pip install 'fleet-automaton[optimize]'"
@@ -71,6 +73,11 @@ class SearchQuestion(NamedTuple):
                 f"--runs {self.runs}",
             )
         return first, later
+
+    def scaled(self, number: int) -> int:
+        """The runs of a later part that has `number` runs after a full search; at least two."""
+        share = min(1.0, max(LEAST_SHARE, self.runs / FULL_SEARCH))
+        return max(2, math.ceil(share * number))
 
     def seeds(self, purpose: str, number: int) -> list[int]:
         """Seeds that serve one purpose only."""

@@ -65,12 +65,13 @@ class DesignContext(NamedTuple):
         return sums
 
 
-def most_runs(streets: int, is_one_way: bool) -> int:
+def most_runs(streets: int, is_one_way: bool, scaled: Callable[[int], int] = int) -> int:
     """The most runs of these steps for a design with this number of streets at most."""
-    tried = SELECT_RUNS_EACH * (1 + streets) + 2 * LOSS_PAIRS if is_one_way else 0
-    screened = SCREENING_PAIRS * (1 + streets) if streets > MOST_CONFIRMED else 0
-    confirmed = REASON_PAIRS * (1 + min(streets, MOST_CONFIRMED))
-    return tried + screened + confirmed + 2 * SELECT_RUNS_EACH
+    select = scaled(SELECT_RUNS_EACH)
+    tried = select * (1 + streets) + 2 * scaled(LOSS_PAIRS) if is_one_way else 0
+    screened = scaled(SCREENING_PAIRS) * (1 + streets) if streets > MOST_CONFIRMED else 0
+    confirmed = scaled(REASON_PAIRS) * (1 + min(streets, MOST_CONFIRMED))
+    return tried + screened + confirmed + 2 * select
 
 
 def finished(design: StreetDesign, context: DesignContext, is_one_way: bool) -> FinishedDesign:

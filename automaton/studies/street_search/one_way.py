@@ -25,6 +25,7 @@ from automaton.scenario.robot_types import RobotType, floor_by_type, rows_of
 from automaton.studies.street_search.designs import StreetDesign, Stretch, stretches
 from automaton.studies.street_search.reasons import Change, ComparedRuns, edges_of, move_ratio
 from automaton.world.floor_parts import places_of, queue_path
+from automaton.world.gate_cells import GATE_LIFT, cells_of, gates_of
 from automaton.world.resolved import Resolved
 
 CLOSING_RATIO: Final = 4.0
@@ -53,12 +54,16 @@ class NeededWays:
         needed: Mask = np.logical_or.reduce(resolved.fleet.within, axis=0)
         needed[places_of(scenario, floor_plan)] = True
         self.needed = needed
-        self.queues = np.zeros((floor_plan.kind.size, 4), np.bool_)  # moves in station queues
+        self.moves = np.zeros((floor_plan.kind.size, 4), np.bool_)  # of station queues and lifts
         for station in scenario.stations.values():
             cells = [floor_plan.cell(*station.at)]
             cells += queue_path(floor_plan, station.at, station.queue)
             for ahead, cell in itertools.pairwise(cells):
-                self.queues[cell, floor_plan.offsets.index(ahead - cell)] = True
+                self.moves[cell, floor_plan.offsets.index(ahead - cell)] = True
+        for lift in (gate for gate in gates_of(scenario.floor) if gate.kind == GATE_LIFT):
+            shaft = np.array(cells_of(lift, floor_plan))  # robots come out at any of its mouths
+            for direction, offset in enumerate(floor_plan.offsets):
+                self.moves[shaft, direction] = self.moves[shaft - offset, direction] = True
         # Type, cell and axis from which ways begin and to which they lead; (4, cells) cells on them.
         self.ways: list[tuple[int, int, int, Mask]] = []
         by_type = floor_by_type(floor_plan, self.types)
@@ -95,7 +100,7 @@ class NeededWays:
 
     def remain(self, closed: Mask) -> bool:
         """Whether all ways remain; `closed`: (cells, 4) the moves that are closed."""
-        if (closed & self.queues).any():
+        if (closed & self.moves).any():
             return False
         plans = floor_by_type(with_closed(self.floor_plan, closed), self.types).floor_plans
         return not any(

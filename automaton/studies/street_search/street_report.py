@@ -26,6 +26,7 @@ from automaton.studies.street_search.designs import StreetDesign
 from automaton.studies.street_search.finishing import FinishedDesign
 from automaton.studies.street_search.one_way import OneWay, with_closed
 from automaton.studies.street_search.reasons import (
+    MOST_CHANGE,
     FewerStreets,
     GroupChange,
     Reason,
@@ -83,7 +84,10 @@ def blocks_of(
         rows = drawn_streets(last.design, floor_plan, ascii_only)
         yield CharacterPicture([[(row, "")] for row in rows])
     yield Heading("Reasons")
-    yield Text(how_compared(last.reasons))
+    before = (
+        " They are those of the design before streets were left out." if last.fewer.is_kept else ""
+    )
+    yield Text(how_compared(last.reasons) + before)
     yield reasons_in_words(last.reasons, floor_plan, metric, total)
     yield reasons_table(last.reasons, floor_plan, metric)
     if len(last.reasons) > MOST_LISTED:
@@ -218,7 +222,11 @@ def fewer_words(result: FewerStreets) -> str:
         return "no street is left out"
     change = "" if result.change is None else f" ({change_text(result.change)})"
     if result.is_kept:
-        return f"streets left out because they have no effect: {len(result.removed):,}{change}"
+        lost = "not known" if result.change is None else change_text(result.change)
+        return (
+            f"streets left out, none of which has a significant effect alone: {len(result.removed):,}; "
+            f"without all of them {lost}, where a loss of {100 * MOST_CHANGE:g} % is allowed"
+        )
     return (
         f"streets without an effect alone: {len(result.removed):,}; they stay, because together they "
         f"have one{change}"

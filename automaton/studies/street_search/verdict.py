@@ -33,7 +33,8 @@ def choose(
     question: SearchQuestion, finalists: Sequence[NamedDesign], runs: StreetRuns
 ) -> ChosenDesign:
     """The finalist with the best mean: the better half of each round gets twice as many runs."""
-    left, number, runs_done, rounds = list(range(len(finalists))), SELECT_RUNS, 0, 0
+    left, runs_done, rounds = list(range(len(finalists))), 0, 0
+    number = question.scaled(SELECT_RUNS)
     while len(left) > 1:
         seeds = question.seeds("select", number)
         designs = [finalists[one].design for one in left]
@@ -49,9 +50,9 @@ def choose(
     return ChosenDesign(left[0], runs_done, rounds)
 
 
-def choice_runs(finalists: int) -> int:
+def choice_runs(question: SearchQuestion, finalists: int) -> int:
     """The runs of a choice with one fleet."""
-    left, number, runs_done = finalists, SELECT_RUNS, 0
+    left, number, runs_done = finalists, question.scaled(SELECT_RUNS), 0
     while left > 1:
         runs_done += left * (number if not runs_done else number // 2)
         left, number = math.ceil(left / 2), 2 * number
@@ -109,7 +110,7 @@ def judge(
     is_own: bool,
 ) -> FleetVerdict:
     """The verdict for a fleet. `is_own`: it is that of the scenario, whose size is not set."""
-    seeds = question.seeds("held out", HELD_OUT_PAIRS)
+    seeds = question.seeds("held out", question.scaled(HELD_OUT_PAIRS))
     before, after = runs([as_it_is, design], seeds, None if is_own else robots)
     ended = [[math.isfinite(question.value(row)) for row in rows] for rows in (before, after)]
     pairs = [pair for pair, *both in zip(zip(before, after, strict=True), *ended, strict=True)

@@ -8,6 +8,7 @@ from textwrap import dedent
 import numpy as np
 import pytest
 from drawn_scenes import scene
+from lane_trials import starved
 from small_runs import SmallRun
 
 from automaton.engine.distance_tables import UNREACHABLE
@@ -128,6 +129,24 @@ def test_one_robot_at_a_time_is_let_into_a_dead_end_and_out_again():
     assert arrived
     _, arrived = drive("....\n.##.\n....\nA###", A=(3, 0), ticks=20)
     assert arrived["A"] <= 10
+
+
+@pytest.mark.parametrize("goals", [{"A": (0, 1), "B": (4, 1)}, {"A": (4, 1), "B": (0, 1)}])
+def test_two_robots_do_not_stand_across_a_cell_for_two(goals):
+    """Both have to turn there, which needs both lanes, so one comes in after the other has left."""
+    floor = "##A##\n=====\n##B##"
+    for move, turn in product((1, 2), (1, 2)):
+        durations = Durations(move=move, turn=turn)
+        _, arrived = drive(floor, kinematics="differential", durations=durations, **goals)
+        assert set(arrived) == {"A", "B"}
+
+
+# The second and the third jammed when robots that stand across did not push each other.
+@pytest.mark.parametrize("seed", [3, 424, 694])
+def test_an_aisle_for_two_between_pods_jams_no_more_than_one_for_a_single_robot(seed):
+    robots, lines = starved(seed, 1500)
+    assert robots[1] <= robots[0]
+    assert lines[1] > 0.8 * lines[0]
 
 
 def moves_of(run, name):

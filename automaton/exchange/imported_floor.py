@@ -283,6 +283,7 @@ def scenario_text(problem: Problem, starts: str, tasks: str, ticks: int) -> str:
     if problem.skip_reached:
         orders["skip_reached"] = True
     fleet = {"robots": problem.robots, "kinematics": "differential", "start": {"file": starts}}
+    when = "on-targets" if problem.on_targets else "never" if problem.repeat else "delivered"
     strategy = {
         "allocation": allocation,
         "routing": ROUTING,
@@ -298,7 +299,7 @@ def scenario_text(problem: Problem, starts: str, tasks: str, ticks: int) -> str:
         "orders": orders,
         **({} if problem.delays is None else {"faults": {"delays": dict(problem.delays)}}),
         "strategy": strategy,
-        "stop": {"when": "never" if problem.repeat else "delivered", "max_duration": ticks},
+        "stop": {"when": when, "max_duration": ticks},
         "seed": 1,
     }
     lines = [f"{key}: {flow(value)}" for key, value in sections.items()]

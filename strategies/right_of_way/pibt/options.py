@@ -45,6 +45,7 @@ from strategies.right_of_way.pibt.pibt_state import (
     is_for_two,
     resource_in,
 )
+from strategies.right_of_way.pibt.ways_back import price_ways_back
 from strategies.right_of_way.steering import (
     AGAINST_STREET,
     is_needed,
@@ -65,6 +66,7 @@ def rank_all_options(view, state, workspace):
     """Set the options of all robots that choose."""
     mark_fixed(view, state, 1)
     price_all_steps(view, state, workspace)
+    price_ways_back(view, state)
     for i in range(view.robots.cell.shape[0]):
         if state.mode[U(i)] == MODE_UNDECIDED and view.robots.cell[U(i)] != NIL:
             rank_options(view, state, workspace, i)

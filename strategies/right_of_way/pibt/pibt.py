@@ -24,14 +24,12 @@ from automaton.strategy.api import (
     CMD_GO,
     CMD_HOLD,
     FOLLOWING_CONVOY,
-    GOAL_DROP,
     GOAL_NONE,
     GOAL_PARK,
-    GOAL_PICK,
-    GOAL_STOP,
     KEEP,
     NIL,
     STATUS_UP,
+    STOP_ON_TARGETS,
     Strategy,
     direction_between,
     gate_before,
@@ -83,6 +81,7 @@ from strategies.right_of_way.steering import (
     count_callers,
     guiding_tables,
     has_stood_long,
+    has_work,
     is_at_goal,
     is_given_up,
     is_time_to_look,
@@ -145,7 +144,8 @@ class Pibt(Strategy):
         guided = self.parameters.guidance == "lattice"
         against = moves_against_streets(view.grid) if guided else np.zeros((0, 4), bool)
         return PibtState.sized(
-            {"n": n, "m": n + 1, "w": 4, "s": 1, "r": 2 * cells, "e": max(ends.total, 1)},
+            {"n": n, "m": n + 1, "w": 4, "s": 1, "r": 2 * cells, "e": max(ends.total, 1)}
+            | {"o": cells if view.rules.stop == STOP_ON_TARGETS else 0},
             dead_ends=ends.total,
             holds_back=int(waits),
             rings=int(not waits or view.rules.following == FOLLOWING_CONVOY),
@@ -291,8 +291,7 @@ def has_finished(view, state, i):
         is_kept = robots.action[i] == ACTION_GATE and is_beside_full_gate(view, i)
         return is_kept and state.stall[0] == 0
     state.aim_type[i], state.aim_cell[i] = robots.goal_type[i], robots.goal_cell[i]
-    was_visit = before == GOAL_PICK or before == GOAL_DROP or before == GOAL_STOP
-    return was_visit and robots.cell[i] == cell
+    return has_work(view, before) and robots.cell[i] == cell
 
 
 @kernel
@@ -360,7 +359,7 @@ def rank_of(view, state, i):
         return LEAVES
     if state.dead_ends == 0:
         is_idle = robots.goal_type[U(i)] == GOAL_NONE or robots.goal_type[U(i)] == GOAL_PARK
-        return HAS_NOTHING if is_idle else WORKS
+        return HAS_NOTHING if is_idle and not has_work(view, robots.goal_type[U(i)]) else WORKS
     cell, goal = np.int64(robots.cell[i]), np.int64(robots.goal_cell[i])
     here = np.int64(NIL) if cell == NIL else np.int64(state.dead_end[cell])
     if has_to_leave(view, state, i):
@@ -370,11 +369,9 @@ def rank_of(view, state, i):
     there = np.int64(state.dead_end[goal])
     if here != NIL and here != there:
         return LEAVES
-    if robots.goal_type[i] == GOAL_PARK or (
-        there != NIL and there != here and state.tenants[there]
-    ):
-        return HAS_NOTHING
-    return WORKS
+    must_wait = there != NIL and there != here and state.tenants[there] > 0
+    is_idle = robots.goal_type[i] == GOAL_PARK and not has_work(view, robots.goal_type[i])
+    return HAS_NOTHING if is_idle or must_wait else WORKS
 
 
 @kernel

@@ -120,6 +120,11 @@ class PibtState(Struct):
     )
     unpriced: Array = field("(m,) int32", "robots whose costs change", role=SCRATCH)
     table: Array = field("(n,) int32", "the distance table to its goal, or NIL", role=SCRATCH)
+    moves_back: Array = field(
+        "(o,) int32", "moves from a cell to a target (ways_back)", role=SCRATCH
+    )
+    next_cells: Array = field("(o,) int32", "cells to search next", role=SCRATCH)
+    later_cells: Array = field("(o,) int32", "those with a robot on its target", role=SCRATCH)
     holds_fixed: Array = field(
         "(c,) uint8", "1 = a robot that does not choose is there", role=SCRATCH
     )

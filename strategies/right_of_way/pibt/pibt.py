@@ -51,6 +51,8 @@ from strategies.right_of_way.pibt.pibt_state import (
     STAY_OPTION,
     PibtState,
     U,
+    aisles_of,
+    clears_aisle,
     count_in_dead_ends,
     dead_ends_that_hold,
     empty_dead_ends,
@@ -58,11 +60,13 @@ from strategies.right_of_way.pibt.pibt_state import (
     holder_of,
     is_for_two,
     is_lane_free,
+    look_into_aisles,
     own_resource,
     reserve,
     reserve_other_lane,
     reserver_of,
     resource_in,
+    waits_for_aisle,
 )
 from strategies.right_of_way.pibt.pushes import (
     NOT_ASKED,
@@ -134,6 +138,9 @@ class Pibt(Strategy):
         """
         n, cells = len(view.robots.cell), len(view.grid.cell_flags)
         ends = dead_ends_that_hold(view.grid, n)
+        is_one_shot = view.rules.stop == STOP_ON_TARGETS
+        names = ("aisle", "aisle_depth", "aisle_way_out")
+        aisles = dict(zip(names, aisles_of(view.grid, ends.number), strict=True))
         queue = np.zeros(n, np.int32)
         if view.rules.radius == NIL:
             seed = np.uint64(view.rules.seed)
@@ -145,7 +152,8 @@ class Pibt(Strategy):
         against = moves_against_streets(view.grid) if guided else np.zeros((0, 4), bool)
         return PibtState.sized(
             {"n": n, "m": n + 1, "w": 4, "s": 1, "r": 2 * cells, "e": max(ends.total, 1)}
-            | {"o": cells if view.rules.stop == STOP_ON_TARGETS else 0},
+            | {"o": cells if is_one_shot else 0},
+            **(aisles if is_one_shot else {}),
             dead_ends=ends.total,
             holds_back=int(waits),
             rings=int(not waits or view.rules.following == FOLLOWING_CONVOY),
@@ -171,6 +179,7 @@ def look_at_robots(view, batch, state):
     robots, limited = view.robots, view.rules.radius != NIL
     state.calls += 1
     empty_dead_ends(state)
+    look_into_aisles(view, state)
     count_callers(view, state.service_areas)
     for i in range(robots.cell.shape[0]):
         # With limited sight the choices of other robots are not visible.
@@ -357,6 +366,10 @@ def rank_of(view, state, i):
             return LEAVES if opens_soon(view, gate, i) else HAS_NOTHING
     if way_to_make_room(view, state.service_areas, i, robots.cell[U(i)]) != NIL:
         return LEAVES
+    if clears_aisle(view, state, i):
+        return LEAVES
+    if waits_for_aisle(view, state, i):
+        return HAS_NOTHING
     if state.dead_ends == 0:
         is_idle = robots.goal_type[U(i)] == GOAL_NONE or robots.goal_type[U(i)] == GOAL_PARK
         return HAS_NOTHING if is_idle and not has_work(view, robots.goal_type[U(i)]) else WORKS

@@ -1,10 +1,13 @@
-"""One-shot problems: a robot that was pushed off its target returns around robots that stand on theirs.
+"""One-shot problems: robots that were pushed off their targets return to them.
 
-The tables of distances do not contain robots. Two robots whose targets are in one narrow aisle, and that
-entered it in the wrong order, would push each other off their targets for ever. So the way back of such a
-robot is searched in each tick, from its target over all cells: to push a robot from its target costs
-PUSH_MOVES moves more, in addition to the move. With two lengths of steps, two queues keep the cells in
-the order of their costs (Dijkstra's method without a heap).
+The tables of distances do not contain robots, so the way back is searched in each tick, from the target
+over all cells: to push a robot from its target costs PUSH_MOVES moves more, in addition to the move. With
+two lengths of steps, two queues keep the cells in the order of their costs (Dijkstra's method without a
+heap).
+
+Robots whose targets are in one narrow aisle, and that entered it in the wrong order, would still push
+each other for ever. So the robot with the innermost target goes first: robots whose targets are nearer to an
+end of the aisle leave for it, and wait outside. Dead ends have the same rule (pibt_state).
 """
 
 import numpy as np
@@ -19,7 +22,7 @@ from automaton.strategy.api import (
     cost_unit,
     kernel,
 )
-from strategies.right_of_way.pibt.pibt_state import MODE_UNDECIDED, U
+from strategies.right_of_way.pibt.pibt_state import MODE_UNDECIDED, U, clears_aisle
 
 PUSH_MOVES = 64
 STANDS = 2  # in holds_fixed, next to 1 for robots that do not choose
@@ -35,8 +38,11 @@ def price_ways_back(view, state):
     for i in range(robots.cell.shape[0]):
         if robots.goal_type[U(i)] != GOAL_PARK or robots.cell[U(i)] == NIL:
             continue
-        if state.mode[U(i)] == MODE_UNDECIDED and robots.cell[U(i)] != robots.goal_cell[U(i)]:
-            search_way_back(view, state, i)
+        is_away = robots.cell[U(i)] != robots.goal_cell[U(i)] and not clears_aisle(view, state, i)
+        if state.mode[U(i)] == MODE_UNDECIDED and is_away:
+            search_way_back(view, state, i, np.int64(state.aisle[U(robots.home[U(i)])]))
+            if state.moves_back[U(robots.cell[U(i)])] == UNREACHABLE:
+                search_way_back(view, state, i, np.int64(NIL))
             price_steps_back(view, state, i)
     mark_standing(view, state, 0)
 
@@ -53,8 +59,11 @@ def mark_standing(view, state, value):
 
 
 @kernel
-def search_way_back(view, state, i):
-    """Set `moves_back`: the moves from each cell to the target of robot i, or UNREACHABLE."""
+def search_way_back(view, state, i, own_aisle):
+    """Set `moves_back`: the moves from each cell to the target of robot i, or UNREACHABLE.
+
+    No way leads through robots on their targets in the aisle of its target: they entered it first.
+    """
     grid, moves, first, later = view.grid, state.moves_back, state.next_cells, state.later_cells
     flags = grid.type_cell_flags[U(view.robots.type[U(i)])]
     moves[:] = UNREACHABLE
@@ -75,8 +84,11 @@ def search_way_back(view, state, i):
             leads = (np.int64(flags[U(before)]) >> direction) & 1
             if leads == 0 or moves[U(before)] != UNREACHABLE:
                 continue
+            is_pushed = state.holds_fixed[U(before)] == STANDS
+            if is_pushed and own_aisle != NIL and state.aisle[U(before)] == own_aisle:
+                continue
             moves[U(before)] = moves[U(cell)] + 1
-            if state.holds_fixed[U(before)] == STANDS:
+            if is_pushed:
                 moves[U(before)] += PUSH_MOVES
                 later[U(waiting)] = before
                 waiting += 1

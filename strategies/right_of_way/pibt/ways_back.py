@@ -6,8 +6,8 @@ two lengths of steps, two queues keep the cells in the order of their costs (Dij
 heap).
 
 Robots whose targets are in one narrow aisle, and that entered it in the wrong order, would still push
-each other for ever. So the robot with the innermost target goes first: robots whose targets are nearer to an
-end of the aisle leave for it, and wait outside. Dead ends have the same rule (pibt_state).
+each other for ever. So the robot with the innermost target goes first: robots whose targets are nearer
+to an end of the aisle leave for it, and wait outside. Dead ends have the same rule (pibt_state).
 """
 
 import numpy as np
@@ -25,6 +25,7 @@ from automaton.strategy.api import (
 from strategies.right_of_way.pibt.pibt_state import MODE_UNDECIDED, U, clears_aisle
 
 PUSH_MOVES = 64
+FAR = 1 << 14  # moves from a cell without a way, into which the robot may still be pushed
 STANDS = 2  # in holds_fixed, next to 1 for robots that do not choose
 
 
@@ -106,6 +107,6 @@ def price_steps_back(view, state, i):
     flags = np.int64(grid.type_cell_flags[U(robot_type), U(cell)])
     for direction in range(4):
         moves = np.int64(state.moves_back[U(cell + grid.offset[U(direction)])])
-        is_open = (flags >> direction) & 1 != 0 and moves < UNREACHABLE
-        state.costs[U(i), U(direction)] = ticks * moves if is_open else UNREACHABLE
+        is_open = (flags >> direction) & 1 != 0
+        state.costs[U(i), U(direction)] = ticks * min(moves, FAR) if is_open else UNREACHABLE
     state.priced_cell[U(i)] = NIL

@@ -30,6 +30,7 @@ from automaton.exchange.problem_files import largest_part
 PROBLEMS = 25
 LEAST_ROBOTS, MOST_ROBOTS = 50, 400
 TICKS = 2000
+FIRST_SEED = int(__import__("os").environ.get("SEED0", "0"))
 MAX_UNSOLVED_SHARE = 2 / 25
 STEPS = {"E": (0, 1), "S": (1, 0), "W": (0, -1), "N": (-1, 0)}
 
@@ -120,7 +121,7 @@ def trials(source: Path, problems: int, right_of_way: str) -> int:
         step = (MOST_ROBOTS - LEAST_ROBOTS) / max(1, problems - 1)
         robots = round(LEAST_ROBOTS + number * step)
         with tempfile.TemporaryDirectory() as folder:
-            result = attempt(draw_problem(source, robots, number, Path(folder)), right_of_way)
+            result = attempt(draw_problem(source, robots, FIRST_SEED + number, Path(folder)), right_of_way)
         unsolved += not result.solved
         wrong += bool(result.wrong)
         state = "solved" if result.solved else "unsolved"

@@ -8,6 +8,9 @@ heap).
 Robots whose targets are in one narrow aisle, and that entered it in the wrong order, would still push
 each other for ever. So the robot with the innermost target goes first: robots whose targets are nearer
 to an end of the aisle leave for it, and wait outside. Dead ends have the same rule (pibt_state).
+
+A robot that has not come to stay RETURN_TICKS after its first arrival drives to the target of a random
+robot for EXCURSION_TICKS, and again in each RETURN_TICKS: so groups that block each other form anew.
 """
 
 import numpy as np
@@ -21,10 +24,15 @@ from automaton.strategy.api import (
     UNREACHABLE,
     cost_unit,
     kernel,
+    splitmix64,
 )
 from strategies.right_of_way.pibt.pibt_state import MODE_UNDECIDED, U, clears_aisle
 
 PUSH_MOVES = 64
+RETURN_TICKS = 192
+EXCURSION_TICKS = 64  # of these
+MAX_ROAMING = 4
+ROAMING_SHARE = 32
 FAR = 1 << 14  # moves from a cell without a way, into which the robot may still be pushed
 STANDS = 2  # in holds_fixed, next to 1 for robots that do not choose
 
@@ -35,40 +43,67 @@ def price_ways_back(view, state):
     if view.rules.stop != STOP_ON_TARGETS:
         return
     robots = view.robots
-    mark_standing(view, state, STANDS)
+    away = robots.cell.shape[0] - mark_standing(view, state, STANDS)
+    may_roam = away <= max(MAX_ROAMING, robots.cell.shape[0] // ROAMING_SHARE)
     for i in range(robots.cell.shape[0]):
         if robots.goal_type[U(i)] != GOAL_PARK or robots.cell[U(i)] == NIL:
             continue
         is_away = robots.cell[U(i)] != robots.goal_cell[U(i)] and not clears_aisle(view, state, i)
         if state.mode[U(i)] == MODE_UNDECIDED and is_away:
-            search_way_back(view, state, i, np.int64(state.aisle[U(robots.home[U(i)])]))
+            home = np.int64(robots.home[U(i)])
+            target = excursion_of(view, i) if may_roam else np.int64(NIL)
+            if target != NIL:
+                search_way_back(view, state, i, target, np.int64(NIL))
+            else:
+                search_way_back(view, state, i, home, np.int64(state.aisle[U(home)]))
             if state.moves_back[U(robots.cell[U(i)])] == UNREACHABLE:
-                search_way_back(view, state, i, np.int64(NIL))
+                search_way_back(view, state, i, home, np.int64(NIL))
             price_steps_back(view, state, i)
     mark_standing(view, state, 0)
 
 
 @kernel
-def mark_standing(view, state, value):
-    """Write a value at the cells of robots that stand on their targets, and may be pushed."""
+def excursion_of(view, i):
+    """The cell to which robot i drives meanwhile, if it has returned in vain for long; else NIL."""
     robots = view.robots
+    identity = np.int64(robots.identity[U(i)])
+    if identity >= view.orders.state.shape[0]:
+        return np.int64(NIL)
+    arrival = np.int64(view.stops.done[view.orders.first_stop[identity + 1] - 1])
+    ticks = view.clock.coarse_tick + identity * 37 % RETURN_TICKS
+    if arrival == NIL or view.clock.tick - arrival < RETURN_TICKS:
+        return np.int64(NIL)
+    if ticks % RETURN_TICKS >= EXCURSION_TICKS:
+        return np.int64(NIL)
+    number = np.uint64(ticks // RETURN_TICKS << 32 | identity)
+    draw = splitmix64(np.uint64(view.rules.seed) ^ number)
+    other = robots.at_index[np.int64(draw % np.uint64(robots.cell.shape[0]))]
+    return np.int64(robots.home[other])
+
+
+@kernel
+def mark_standing(view, state, value):
+    """Write a value at the cells of robots that stand on their targets; return their number."""
+    robots, standing = view.robots, 0
     for i in range(robots.cell.shape[0]):
         cell = robots.cell[U(i)]
         stands = robots.goal_type[U(i)] == GOAL_NONE and cell != NIL and cell == robots.home[U(i)]
         if stands and state.mode[U(i)] == MODE_UNDECIDED:
             state.holds_fixed[U(cell)] = value
+        standing += np.int64(stands)
+    return standing
 
 
 @kernel
-def search_way_back(view, state, i, own_aisle):
-    """Set `moves_back`: the moves from each cell to the target of robot i, or UNREACHABLE.
+def search_way_back(view, state, i, target, own_aisle):
+    """Set `moves_back`: the moves of robot i from each cell to its target, or UNREACHABLE.
 
     No way leads through robots on their targets in the aisle of its target: they entered it first.
     """
     grid, moves, first, later = view.grid, state.moves_back, state.next_cells, state.later_cells
     flags = grid.type_cell_flags[U(view.robots.type[U(i)])]
     moves[:] = UNREACHABLE
-    first[0] = view.robots.goal_cell[U(i)]
+    first[0] = target
     moves[U(first[0])] = 0
     popped, found, pushed, waiting = 0, 1, 0, 0
     while popped < found or pushed < waiting:

@@ -71,6 +71,7 @@ BYTE_ORDER_MARK: Final = b"\xef\xbb\xbf"
 MAX_PICTURE: Final = (200, 120)  # largest floor that a terminal shows, in columns and rows
 RED: Final = "bold red"
 ROUTING: Final = "shortest"
+ONE_SHOT: Final = "pibt"  # right of way; it solves more one-shot problems than others
 FREE, WALL = ".", "#"
 MAX_WRITTEN_CELLS: Final = 2_000_000  # of a written floor: a scenario has at most 8 MB
 MAX_WRITTEN_VALUES: Final = MAX_NODES - 10_000  # of sections; the rest: names, legend
@@ -287,7 +288,9 @@ def scenario_text(problem: Problem, starts: str, tasks: str, ticks: int) -> str:
     strategy = {
         "allocation": allocation,
         "routing": ROUTING,
-        "right_of_way": default_for("right_of_way", SLOW_STEERED),
+        "right_of_way": ONE_SHOT
+        if problem.on_targets
+        else default_for("right_of_way", SLOW_STEERED),
     }
     sections = {
         "name": problem.name[:200],

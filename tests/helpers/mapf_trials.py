@@ -1,6 +1,6 @@
 """One-shot problems of path finding: how many are solved, and whether their costs are right.
 
-    python tests/helpers/mapf_trials.py MAP [PROBLEMS] [RIGHT_OF_WAY]
+    python tests/helpers/mapf_trials.py MAP [PROBLEMS] [RIGHT_OF_WAY] [FIRST_SEED]
 
 Draws problems of 50 to 400 robots on a MovingAI map: different starts and different goals in the largest
 part of the map. Each is imported, run, exported and verified by the commands. The makespan and the sum of
@@ -30,7 +30,6 @@ from automaton.exchange.problem_files import largest_part
 PROBLEMS = 25
 LEAST_ROBOTS, MOST_ROBOTS = 50, 400
 TICKS = 2000
-FIRST_SEED = int(__import__("os").environ.get("SEED0", "0"))
 MAX_UNSOLVED_SHARE = 2 / 25
 STEPS = {"E": (0, 1), "S": (1, 0), "W": (0, -1), "N": (-1, 0)}
 
@@ -114,14 +113,16 @@ def command(*words: object) -> tuple[int, str, str]:
     return code, out.getvalue(), complaint.getvalue()
 
 
-def trials(source: Path, problems: int, right_of_way: str) -> int:
+def trials(source: Path, problems: int, right_of_way: str, first_seed: int) -> int:
     """Print a line for each problem; return 1 if a promise is broken."""
     unsolved, wrong = 0, 0
     for number in range(problems):
         step = (MOST_ROBOTS - LEAST_ROBOTS) / max(1, problems - 1)
         robots = round(LEAST_ROBOTS + number * step)
         with tempfile.TemporaryDirectory() as folder:
-            result = attempt(draw_problem(source, robots, FIRST_SEED + number, Path(folder)), right_of_way)
+            result = attempt(
+                draw_problem(source, robots, first_seed + number, Path(folder)), right_of_way
+            )
         unsolved += not result.solved
         wrong += bool(result.wrong)
         state = "solved" if result.solved else "unsolved"
@@ -132,5 +133,6 @@ def trials(source: Path, problems: int, right_of_way: str) -> int:
 
 
 if __name__ == "__main__":
-    source, problems, right_of_way, *_ = [*sys.argv[1:], "", ""][:3]
-    sys.exit(trials(Path(source), int(problems or PROBLEMS), right_of_way or "pibt"))
+    source, problems, right_of_way, first_seed = [*sys.argv[1:], "", "", ""][:4]
+    strategy = right_of_way or "pibt"
+    sys.exit(trials(Path(source), int(problems or PROBLEMS), strategy, int(first_seed or 0)))

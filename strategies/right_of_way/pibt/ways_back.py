@@ -9,8 +9,8 @@ Robots whose targets are in one narrow aisle, and that entered it in the wrong o
 each other for ever. So the robot with the innermost target goes first: robots whose targets are nearer
 to an end of the aisle leave for it, and wait outside. Dead ends have the same rule (pibt_state).
 
-A robot that has not come to stay RETURN_TICKS after its first arrival drives to the target of a random
-robot for EXCURSION_TICKS, and again in each RETURN_TICKS: so groups that block each other form anew.
+Where a few robots still block each other, a robot that is off its target RETURN_TICKS after its first
+arrival drives to the target of a random robot for ROAMING_TICKS, and then returns.
 """
 
 import numpy as np
@@ -30,9 +30,9 @@ from strategies.right_of_way.pibt.pibt_state import MODE_UNDECIDED, U, clears_ai
 
 PUSH_MOVES = 64
 RETURN_TICKS = 192
-EXCURSION_TICKS = 64  # of these
-MAX_ROAMING = 4
-ROAMING_SHARE = 32
+ROAMING_TICKS = 32  # of these
+MAX_ROAMING = 4  # robots off their targets with which robots may roam, or a share of the robots
+ROAMING_SHARE = 64
 FAR = 1 << 14  # moves from a cell without a way, into which the robot may still be pushed
 STANDS = 2  # in holds_fixed, next to 1 for robots that do not choose
 
@@ -51,7 +51,7 @@ def price_ways_back(view, state):
         is_away = robots.cell[U(i)] != robots.goal_cell[U(i)] and not clears_aisle(view, state, i)
         if state.mode[U(i)] == MODE_UNDECIDED and is_away:
             home = np.int64(robots.home[U(i)])
-            target = excursion_of(view, i) if may_roam else np.int64(NIL)
+            target = roaming_target(view, i) if may_roam else np.int64(NIL)
             if target != NIL:
                 search_way_back(view, state, i, target, np.int64(NIL))
             else:
@@ -63,7 +63,7 @@ def price_ways_back(view, state):
 
 
 @kernel
-def excursion_of(view, i):
+def roaming_target(view, i):
     """The cell to which robot i drives meanwhile, if it has returned in vain for long; else NIL."""
     robots = view.robots
     identity = np.int64(robots.identity[U(i)])
@@ -73,7 +73,7 @@ def excursion_of(view, i):
     ticks = view.clock.coarse_tick + identity * 37 % RETURN_TICKS
     if arrival == NIL or view.clock.tick - arrival < RETURN_TICKS:
         return np.int64(NIL)
-    if ticks % RETURN_TICKS >= EXCURSION_TICKS:
+    if ticks % RETURN_TICKS >= ROAMING_TICKS:
         return np.int64(NIL)
     number = np.uint64(ticks // RETURN_TICKS << 32 | identity)
     draw = splitmix64(np.uint64(view.rules.seed) ^ number)

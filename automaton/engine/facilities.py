@@ -37,7 +37,7 @@ class Rules(Struct, role=STATIC):
     nearest_access: int = field(
         "int64", "1: loads are picked up and dropped from the nearest access cell"
     )
-    stop: int = field("int64", "what ends the run: STOP_PARKED, STOP_DELIVERED or STOP_NEVER")
+    stop: int = field("int64", "what ends the run: STOP_PARKED, STOP_DELIVERED, ...")
     leave: int = field("int64", "1: a robot with nothing to do leaves the floor where it stands")
     radius: int = field(
         "int64",

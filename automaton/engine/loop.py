@@ -71,6 +71,7 @@ from automaton.engine.state import (
     LAYER_ZONING,
     NIL,
     STOP_DELIVERED,
+    STOP_ON_TARGETS,
     STOP_PARKED,
     STRATEGY_COUNT,
     Batch,
@@ -354,12 +355,29 @@ def is_full(world, record, observation):
 
 @kernel
 def is_finished(world):
-    clock = world.clock
+    clock, stop = world.clock, world.rules.stop
+    away = note_targets(world) if stop == STOP_ON_TARGETS else 0
     if clock.undelivered > 0 or clock.open_jobs > 0:
         return 0
-    if world.rules.stop == STOP_PARKED:
+    if stop == STOP_PARKED:
         return 1 if clock.unparked == 0 else 0
-    return 1 if world.rules.stop == STOP_DELIVERED else 0
+    if stop == STOP_ON_TARGETS:
+        return 1 if away == 0 else 0
+    return 1 if stop == STOP_DELIVERED else 0
+
+
+@kernel
+def note_targets(world):
+    """Note since when each robot stands on its target, and return the number of those that do not."""
+    robots, settled, away = world.robots, world.tally.settled, 0
+    for i in range(robots.cell.shape[0]):
+        is_moving = robots.claim[i] != NIL and robots.claim[i] != robots.cell[i]
+        if robots.cell[i] != robots.home[i] or is_moving:
+            settled[i] = NIL
+            away += 1
+        elif settled[i] == NIL:
+            settled[i] = world.clock.tick
+    return away
 
 
 def compile_loop():

@@ -186,6 +186,7 @@ FOLLOWING_NAMES: Final = ("none", "handover", "convoy")
 STOP_PARKED: Final = 0
 STOP_DELIVERED: Final = 1
 STOP_NEVER: Final = 2
+STOP_ON_TARGETS: Final = 3
 
 
 class Robots(Struct):
@@ -249,7 +250,7 @@ class Robots(Struct):
     retry_state: Array = field("(n,) uint8", "state of waits and retries: RETRY_*", digest=18)
     home: Array = field(
         "(n,) int32",
-        "cell where the robot parks, enters its parking bay, or left the floor",
+        "cell where it parks (its target, with stop on-targets), enters its bay, or left the floor",
         role=DERIVED,
         hidden=NIL,
         header=True,
@@ -477,6 +478,11 @@ class Tally(Struct, role=MEASURED):
     visited: Array = field(
         "(n,) int32",
         "the order of its last completed stop, or of its last pick-up that completed an order",
+        default=NIL,
+    )
+    settled: Array = field(
+        "(n,) int64",
+        "tick since which it stands on its target, or NIL (stop: on-targets)",
         default=NIL,
     )
     leg_moves: Array = field("(n,) int64", "its moves before its current leg of an order")

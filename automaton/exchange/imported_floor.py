@@ -71,6 +71,7 @@ BYTE_ORDER_MARK: Final = b"\xef\xbb\xbf"
 MAX_PICTURE: Final = (200, 120)  # largest floor that a terminal shows, in columns and rows
 RED: Final = "bold red"
 ROUTING: Final = "shortest"
+ONE_SHOT: Final = "pibt"  # right of way; it solves more one-shot problems than others
 FREE, WALL = ".", "#"
 MAX_WRITTEN_CELLS: Final = 2_000_000  # of a written floor: a scenario has at most 8 MB
 MAX_WRITTEN_VALUES: Final = MAX_NODES - 10_000  # of sections; the rest: names, legend
@@ -283,10 +284,13 @@ def scenario_text(problem: Problem, starts: str, tasks: str, ticks: int) -> str:
     if problem.skip_reached:
         orders["skip_reached"] = True
     fleet = {"robots": problem.robots, "kinematics": "differential", "start": {"file": starts}}
+    when = "on-targets" if problem.on_targets else "never" if problem.repeat else "delivered"
     strategy = {
         "allocation": allocation,
         "routing": ROUTING,
-        "right_of_way": default_for("right_of_way", SLOW_STEERED),
+        "right_of_way": ONE_SHOT
+        if problem.on_targets
+        else default_for("right_of_way", SLOW_STEERED),
     }
     sections = {
         "name": problem.name[:200],
@@ -298,7 +302,7 @@ def scenario_text(problem: Problem, starts: str, tasks: str, ticks: int) -> str:
         "orders": orders,
         **({} if problem.delays is None else {"faults": {"delays": dict(problem.delays)}}),
         "strategy": strategy,
-        "stop": {"when": "never" if problem.repeat else "delivered", "max_duration": ticks},
+        "stop": {"when": when, "max_duration": ticks},
         "seed": 1,
     }
     lines = [f"{key}: {flow(value)}" for key, value in sections.items()]

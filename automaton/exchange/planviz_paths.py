@@ -62,7 +62,7 @@ class PlanViolation(NamedTuple):
 
     tick: int
     robots: tuple[int, ...]
-    rule: str  # start, wall, collision, swap, action, delay, visit, task, release or count
+    rule: str  # start, wall, collision, swap, action, delay, visit, task, target, release or count
     text: str
 
     def __str__(self) -> str:
@@ -157,6 +157,10 @@ class MovingRobots:
         self.step = np.array([rows * self.width + columns for rows, columns in STEP_OF_HEADING])
         self.robots = np.arange(len(self.cell))
 
+    def standing(self) -> Cells:
+        """(robots,) the cell of each robot; VACANT for one that is between two cells."""
+        return self.cell
+
     def place(self, cell: int) -> str:
         """A cell in words."""
         return f"row {cell // self.width - 1}, column {cell % self.width - 1}"
@@ -221,6 +225,11 @@ class SeveralTickMotion(MovingRobots):
         super().__post_init__()
         self.counter = np.zeros(len(self.cell), np.int64)
         self.under_way = np.full(len(self.cell), WAIT, np.uint8)
+
+    def standing(self) -> Cells:
+        """(robots,) the cell of each robot; VACANT for one that is between two cells."""
+        moving = (self.under_way == FORWARD) & (self.counter > 0)
+        return np.where(moving, VACANT, self.cell)
 
     def carry_out(self, tick: int, action: npt.NDArray[np.uint8]) -> PlanViolation | None:
         """Carry out a tick; return the violation of the first robot, or None."""
@@ -401,3 +410,48 @@ class ScheduledVisits:
             self.robot_of[task] = robot
             cell = self._cells(task)[self.visits.get(task, 0)]
         self.task[robot], self.target[robot] = task, cell
+
+
+# Targets of one-shot problems.
+
+
+class Arrivals:
+    """Since when robots stand on their targets: the cost of a robot is the tick of its last arrival."""
+
+    def __init__(self, problem: Problem, motion: MovingRobots) -> None:
+        rows, columns = np.divmod([task[-1] for task in problem.tasks], problem.grid.width)
+        self.target = (rows + 1) * motion.width + columns + 1
+        self.motion = motion
+        self.since = np.where(motion.standing() == self.target, 0, VACANT)
+
+    def update(self, tick: int) -> None:
+        """Note which robots stand on their targets at the end of a tick."""
+        stands = self.motion.standing() == self.target
+        self.since = np.where(stands, np.where(self.since == VACANT, tick, self.since), VACANT)
+
+    def missed(self, tick: int) -> PlanViolation | None:
+        """Return the violation of the first robot that does not stand on its target at the end."""
+        for robot in np.flatnonzero(self.since == VACANT)[:1].tolist():
+            ends, target = (int(cells[robot]) for cells in (self.motion.cell, self.target))
+            text = f"ends in {self.motion.place(ends)}; its target is {self.motion.place(target)}"
+            return PlanViolation(tick, (robot,), "target", text)
+        return None
+
+
+def wrong_cost(
+    arrivals: Arrivals | None, ticks: int, robots: int, sum_of_cost: int | None
+) -> PlanViolation | None:
+    """Robots end on their targets, and the sum of costs is that of their last arrivals there.
+
+    Without targets, each robot costs all ticks.
+    """
+    cost, what = robots * ticks, "robots times ticks are"
+    if arrivals is not None:
+        missed = arrivals.missed(ticks)
+        if missed is not None:
+            return missed
+        cost, what = int(arrivals.since.sum()), "the last arrivals on targets add up to"
+    if sum_of_cost in (None, cost):
+        return None
+    text = f"sumOfCost is {sum_of_cost:,}, {what} {cost:,}"
+    return PlanViolation(ticks, (), "count", text)

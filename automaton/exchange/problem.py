@@ -75,6 +75,7 @@ class Problem:
     assignment: Assignment
     revealed: float = 1.0
     repeat: bool = True
+    on_targets: bool = False  # one-shot: each robot stays on the last cell of its only task
     skip_reached: bool = False  # a robot skips a task on whose first cell it is already
     action_ticks: int = 1  # of a move and of a turn
     delays: Mapping[str, Any] | None = None  # the section `faults.delays` of its scenario

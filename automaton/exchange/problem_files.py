@@ -104,6 +104,7 @@ def read_trips_problem(path: Path, robots: int | None = None) -> Problem:
             tasks=tuple((trip.goal,) for trip in trips),
             assignment="round-robin",
             repeat=False,
+            on_targets=True,
             starts_from=listed,
             tasks_from=listed,
         )

@@ -75,6 +75,8 @@ def planviz_output(recording: Recording) -> dict[str, Any]:
     if action_ticks is not None:
         delays = changes[changes[:, 1] == CHANGE_DELAYED][:, [0, 2, 3]].tolist()
         return output | _of_2026(header, letters, action_ticks, delays)
+    if is_one_shot(header):
+        output["sumOfCost"] = sum_of_costs(header, letters, 1)
     paths = [",".join(row.tobytes().decode()) for row in letters.T]
     return output | {"actualPaths": paths, "plannerPaths": paths}
 
@@ -94,8 +96,11 @@ def _of_2026(
     paths = SegmentedPaths(header, action_ticks)
     for action, delayed in zip(letters, waits, strict=True):
         paths.add(action, delayed)
+    letters = paths.letters()
+    cost = sum_of_costs(header, letters, action_ticks) if is_one_shot(header) else letters.size
     return {
         "version": VERSION_2026,
+        "sumOfCost": cost,
         "agentMaxCounter": action_ticks,
         "outputSegmentSize": SEGMENT_TICKS,
         "numPlannerErrors": 0,
@@ -175,6 +180,32 @@ def _place(header: Content, cell: int) -> tuple[int, int]:
     return row - 1, column - 1
 
 
+def is_one_shot(header: Content) -> bool:
+    """Whether the robots of a run stay on their targets."""
+    return bool(header["scenario"]["stop"]["when"] == "on-targets")
+
+
+def sum_of_costs(header: Content, letters: npt.NDArray[np.uint8], action_ticks: int) -> int:
+    """Return the sum over robots of the tick of their last arrival on their targets.
+
+    A robot that does not end there costs all ticks. `letters`: (ticks, robots), `action_ticks` for each
+    move and turn.
+    """
+    ticks, drives = len(letters), letters == ord("F")
+    turned = (letters == ord("R")).astype(np.int64) - (letters == ord("C"))
+    heading = header["robots"]["heading"] + np.cumsum(turned, axis=0) // action_ticks
+    moved = (_steps(header)[heading & 3] * drives).sum(axis=0)
+    last = np.where(drives.any(axis=0), ticks - drives[::-1].argmax(axis=0), 0)
+    way = header["robots"]["home"].astype(np.int64) - header["robots"]["cell"]
+    return int(np.where(moved == action_ticks * way, last, ticks).sum())
+
+
+def _steps(header: Content) -> npt.NDArray[np.int64]:
+    """Return (4,) the offsets of the next cell ahead, by heading."""
+    width = header["floor"]["width"] + 2
+    return np.array([rows * width + columns for rows, columns in STEP_OF_HEADING])
+
+
 class SegmentedPaths:
     """The paths of robots in an output of 2026: what they do in each tick of their moves and turns.
 
@@ -184,9 +215,8 @@ class SegmentedPaths:
     """
 
     def __init__(self, header: Content, action_ticks: int) -> None:
-        width = header["floor"]["width"] + 2
         self._header, self._action_ticks = header, action_ticks
-        self._step = np.array([rows * width + columns for rows, columns in STEP_OF_HEADING])
+        self._step = _steps(header)
         self._cell = header["robots"]["cell"].astype(np.int64)
         self._heading = header["robots"]["heading"].astype(np.int64)
         self._done = np.zeros(len(self._cell), np.int64)  # ticks of the action under way
@@ -238,16 +268,19 @@ class SegmentedPaths:
             )
         ]
 
+    def letters(self) -> npt.NDArray[np.uint8]:
+        """Return (ticks, robots) what the robots do."""
+        return np.array(self._letters, np.uint8).reshape(len(self._letters), len(self._cell))
+
     def texts(self) -> list[str]:
         """Return the path of each robot."""
-        letters = np.array(self._letters, np.uint8).reshape(len(self._letters), len(self._cell))
         return [
             "".join(
                 f"[({','.join(map(str, states[robot]))}):"
                 f"({_runs(row[at * SEGMENT_TICKS : (at + 1) * SEGMENT_TICKS])})]"
                 for at, states in enumerate(self._states)
             )
-            for robot, row in enumerate(np.ascontiguousarray(letters.T))
+            for robot, row in enumerate(np.ascontiguousarray(self.letters().T))
         ]
 
 

@@ -22,6 +22,10 @@ METRIC_CATALOGUE: dict[str, tuple[str, str]] = {
         "duration of a run that ends by itself: time until all orders are delivered and, if "
         "stop.when is parked, all robots are parked",
     ),
+    "sum_of_costs": (
+        "ticks",
+        "sum over robots of the time of their last arrival on their target (one-shot path finding)",
+    ),
     "operations_per_robot": ("operations", "mean number of operations of a robot"),
     "operations": ("operations", "number of operations of all robots"),
     "empty_moves_share": ("share", "share of moves without a load"),

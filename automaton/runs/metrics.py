@@ -45,6 +45,7 @@ from automaton.engine.state import (
     PURPOSE_CHARGER,
     PURPOSE_MAKING_WAY,
     PURPOSE_ORDER,
+    STOP_ON_TARGETS,
     Array,
     World,
 )
@@ -266,6 +267,9 @@ def metrics_of(run: Measured, since: Counted | None = None) -> dict[str, float |
     for found in (sums_of_orders(world, borders), sums_of_detours(run, borders), of_parts):
         sums |= {name: int(value[0]) for name, value in found.items()}
     figures: dict[str, float | int] = {"makespan": now.tick} if world.clock.finished else {}
+    if world.clock.finished and world.rules.stop == STOP_ON_TARGETS:
+        arrivals = world.tally.settled
+        figures |= {"makespan": int(arrivals.max()), "sum_of_costs": int(arrivals.sum())}
     measure = run.resolved.scenario.measure
     if measure is not None:
         tasks = tasks_after(run, measure.warm_up)

@@ -19,6 +19,7 @@ from automaton.engine.state import (
     STATUS_DEPLETED,
     STATUS_FAILED,
     STATUS_REMOVED,
+    STOP_ON_TARGETS,
     Array,
     World,
 )
@@ -66,7 +67,12 @@ def describe_unfinished_run(simulation: Simulation, last_worked: Array) -> str:
     orders = asked_orders(world)
     undelivered = int((orders.done == NIL).sum())
     phrases = [f"{undelivered:,} of {count(len(orders.done), 'order')} undelivered"]
-    if not undelivered:
+    if world.rules.stop == STOP_ON_TARGETS:
+        away = int((world.tally.settled == NIL).sum())
+        phrases = [
+            f"unsolved: {away:,} of {count(len(world.robots.cell), 'robot')} not on their targets"
+        ]
+    elif not undelivered:
         phrases = [f"all orders delivered, but {count(on_floor, 'robot')} not parked"]
     phrases += [f"{layer} gave {count(n, 'illegal decision')}" for layer, n in illegal.items()]
     phrases += describe_robots_down(simulation)

@@ -223,10 +223,11 @@ class Stop(ConfigSection, frozen=True, kw_only=True):
     """When a run ends."""
 
     when: Annotated[
-        Literal["parked", "delivered", "never"],
+        Literal["parked", "delivered", "never", "on-targets"],
         Meta(
             description="Event that ends a run. delivered: all orders are delivered; parked: in "
-            "addition, all robots are home again; never: only max_duration."
+            "addition, all robots are home again; on-targets: all robots stand in the last cells of "
+            "their tasks (one-shot path finding); never: only max_duration."
         ),
     ] = "parked"
     max_duration: Annotated[

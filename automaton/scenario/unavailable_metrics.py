@@ -51,6 +51,7 @@ def not_measured(scenario: Scenario) -> dict[str, str]:
     )
     rules = (
         (("makespan",), scenario.stop.when != "never", "stop: {when: parked} or {when: delivered}"),
+        (("sum_of_costs",), scenario.stop.when == "on-targets", "stop: {when: on-targets}"),
         (("detour_share",), scenario.streets is not None, "streets"),
         (TASK_METRICS, scenario.measure is not None, "measure: {warm_up: N}"),
         (

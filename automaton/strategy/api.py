@@ -177,6 +177,7 @@ from automaton.engine.state import (
     STATUS_REMOVED,
     STATUS_TOWED,
     STATUS_UP,
+    STOP_ON_TARGETS,
     Array,
     Batch,
     Grid,

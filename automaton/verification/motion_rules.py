@@ -458,6 +458,10 @@ class ReplayedMotion:
         sure = all(parked or r in self.unsure for r, parked in enumerate(self.parked))
         return {sure, sure and not self.unsure}
 
+    def stand_on(self, cells: list[int]) -> bool:
+        """Whether each robot stands in its cell of a list."""
+        return self.cell == cells and not any(map(self.is_under_way, self.claim))
+
     def busy(self, tick: int) -> list[int]:
         """Remaining busy ticks of each robot after this tick."""
         return [max(0, free - tick - 1) for free in self.free]

@@ -346,6 +346,8 @@ class Validator:
         stop = self.header["scenario"]["stop"]["when"]
         done = self.loads.undelivered == self.loads.work.undone == 0 and stop != "never"
         parked = {True} if stop == "delivered" else self.motion.all_parked()
+        if stop == "on-targets":
+            parked = {self.motion.stand_on(targets_of(self.header))}
         finished = {done and home for home in parked}
         for name, values in (("ticks", {self.report.ticks}), ("finished", finished)):
             if content[name] not in values:
@@ -375,3 +377,10 @@ class Validator:
         self.report.violations.append(Violation(self._now, rule, tuple(robots), place, text))
         if len(self.report.violations) >= MAX_VIOLATIONS:
             raise _TooManyViolationsError
+
+
+def targets_of(header: dict[str, Any]) -> list[int]:
+    """The cell in which the task of each robot ends; without a task, its start cell."""
+    cells: list[int] = header["robots"]["cell"].tolist()
+    ends = header["stops"]["cell"][header["orders"]["first_stop"][1:] - 1].tolist()
+    return ends + cells[len(ends) :]

@@ -67,6 +67,7 @@ from automaton.world.prepared_floor import PreparedFloor, floor_for
 from automaton.world.resolved import Resolved
 from automaton.world.rules import rules_for
 from automaton.world.starts import first_charges, homes, occupy_starts, start_headings
+from automaton.world.task_lists import targets_of
 
 MAX_QUEUE_LENGTH = 64  # orders in the queue of a robot
 MAX_QUEUED_ORDERS = 4_000_000  # orders in all queues: bounds the memory of large fleets
@@ -125,6 +126,10 @@ def _build_coarse(
     most = len(orders.state)
     robots = build_robots(resolved, floor, starts, occupancy, seed, storage, steps, most)
     n = scenario.fleet.robots
+    tally = Tally.sized({"n": n})
+    if scenario.stop.when == "on-targets":
+        robots.home[:] = targets_of(orders, stops, starts[0])[robots.identity]
+        tally.settled[robots.home == robots.cell] = 0
     clock = Clock.zeros()
     stations = build_stations(resolved, floor.grid.slot, len(slots.cell), len(orders.state), seed)
     clock.undelivered = len(orders.state)  # for lines: the number of lines until a trip is known
@@ -162,7 +167,7 @@ def _build_coarse(
         chargers=build_chargers(scenario, resolved.floor_plan),
         service_zones=service_zones,
         traffic=traffic,
-        tally=Tally.sized({"n": n}),
+        tally=tally,
         time_use=TimeUse.sized({"n": n}),
         deadlocks=DeadlockTally.sized({"n": n}),
         refusals=Refusals.sized({}),

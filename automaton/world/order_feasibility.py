@@ -19,6 +19,7 @@ from automaton.floor.floor_plan import (
     RACK,
     SHELF,
     STATION,
+    UNLIMITED,
     FloorPlan,
 )
 from automaton.floor.reachability import (
@@ -34,7 +35,7 @@ from automaton.scenario.orders import MAX_DRAWN_LINES, OrderLine
 from automaton.scenario.robot_types import RobotType
 from automaton.scenario.schema import Scenario
 from automaton.scenario.validation import dotted
-from automaton.units import ticks_and_time, unit
+from automaton.units import count, ticks_and_time, unit
 from automaton.world.capabilities import FleetOnFloor
 from automaton.world.task_lists import MAX_TASK_ORDERS, order_count, stop_groups
 
@@ -49,6 +50,8 @@ REMOTE = np.array([kind.remote for kind in CELL_KINDS])  # (kinds,) bool
 def check_orders(scenario: Scenario, floor_plan: FloorPlan) -> Iterator[Finding]:
     """Orders lead from slots that give loads to slots that take them."""
     generator = scenario.orders.generator
+    if scenario.stop.when == "on-targets":
+        yield from check_targets(scenario, floor_plan)
     if scenario.orders.follows_profile:
         yield from check_profile(scenario)
     if scenario.orders.parts is not None:
@@ -164,14 +167,40 @@ def check_tasks(scenario: Scenario, floor_plan: FloorPlan) -> Iterator[Finding]:
     tasks = scenario.orders.tasks or ()
     for number, task in enumerate(tasks):
         yield from check_stops(task, (*keys, number), floor_plan)
-    count = order_count(scenario, floor_plan)
-    if count > MAX_TASK_ORDERS:
+    most = order_count(scenario, floor_plan)
+    if most > MAX_TASK_ORDERS:
         text = (
             f"in {ticks_and_time(scenario.stop.max_duration, unit(scenario.units.tick))} the robots "
-            f"could do {count:,} tasks, more than a run holds ({MAX_TASK_ORDERS:,}); set a lower "
+            f"could do {most:,} tasks, more than a run holds ({MAX_TASK_ORDERS:,}); set a lower "
             "stop.max_duration, or assign: pool"
         )
         yield Finding(("stop", "max_duration"), text)
+
+
+def check_targets(scenario: Scenario, floor_plan: FloorPlan) -> Iterator[Finding]:
+    """With stop.when on-targets each robot has at most one task, and stays in the last cell of it."""
+    orders, fleet, keys = scenario.orders, scenario.fleet, ("stop", "when")
+    if orders.tasks is None or orders.assign != "round-robin" or orders.repeat:
+        text = "on-targets needs orders.tasks with assign: round-robin and without repeat"
+        yield Finding(keys, text)
+        return
+    if len(orders.tasks) > fleet.robots:
+        text = f"on-targets needs at most one task for each robot, but there are {len(orders.tasks):,} "
+        yield Finding(keys, f"{text}tasks for {count(fleet.robots, 'robot')}")
+    if fleet.when_idle != "park" or fleet.start == "parking-bays":
+        text = "on-targets needs robots that stay on the floor: set fleet.when_idle to park, and"
+        yield Finding(keys, f"{text} fleet.start to cells of the floor")
+    taken: dict[Any, int] = {}
+    for number, task in enumerate(orders.tasks):
+        x, y = task[-1]
+        first = taken.setdefault((x, y), number)
+        if not floor_plan.holds(x, y) or first == number:
+            continue
+        if floor_plan.capacity.flat[floor_plan.cell(x, y)] != UNLIMITED:
+            text = (
+                f"the task of robot {number} ends in [{x}, {y}], where that of robot {first} ends"
+            )
+            yield Finding(("orders", "tasks", number), f"{text}; on-targets needs different cells")
 
 
 def check_stops(stops: Iterable[Any], keys: Keys, floor_plan: FloorPlan) -> Iterator[Finding]:

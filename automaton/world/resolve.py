@@ -314,6 +314,10 @@ def branched(resolved: Resolved, settings: tuple[str, ...]) -> Resolved:
             if name not in CHANGEABLE and not same:
                 text = f"{name} cannot change during a run; allowed: {', '.join(CHANGEABLE)}"
                 raise InvalidValueError((name,), text)
+        ends = {scenario.stop.when, resolved.scenario.stop.when}
+        if "on-targets" in ends and len(ends) > 1:
+            text = "when cannot change to on-targets or from it during a run"
+            raise InvalidValueError(("stop", "when"), text)
         if scenario.streets != resolved.scenario.streets:
             scenario, floor_plan = with_other_weights(reading, scenario, resolved)
         refuse(check_energy(scenario, floor_plan))

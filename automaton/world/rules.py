@@ -33,7 +33,7 @@ from automaton.scenario.schema import Battery, Faults, Scenario
 from automaton.units import bytes_of, unit
 from automaton.world.draws import repair_ticks
 
-STOP_CODES = {"parked": 0, "delivered": 1, "never": 2}
+STOP_CODES = {"parked": 0, "delivered": 1, "never": 2, "on-targets": 3}
 
 
 def rules_for(

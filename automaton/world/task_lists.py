@@ -172,3 +172,13 @@ def assign_in_turn(orders: OrderArrays, stops: Stops, homes: Array, skip_reached
             orders.state[order], orders.release_tick[order] = ORDER_WAITING, 0
             orders.release_sequence[shown] = order
             shown += 1
+
+
+def targets_of(orders: OrderArrays, stops: Stops, homes: Array) -> Array:
+    """(n,) the last cell of the task of each robot, one each; without a task, its start cell.
+
+    `homes`: (n,) start cells.
+    """
+    targets = homes.copy()
+    targets[: len(orders.state)] = stops.cell[orders.first_stop[1:] - 1]
+    return targets

@@ -19,6 +19,7 @@ from automaton.strategy.api import (
     NIL,
     SCRATCH,
     STATIC,
+    STOP_ON_TARGETS,
     Array,
     Struct,
     energy_cost,
@@ -399,8 +400,10 @@ def steps_aside(view, deadlocks, i):
 
 
 @kernel
-def has_work(goal_type):
-    return goal_type == GOAL_PICK or goal_type == GOAL_DROP or goal_type == GOAL_STOP
+def has_work(view, goal_type):
+    """Return whether a goal is work; in a one-shot problem also to drive back to the target."""
+    returns = goal_type == GOAL_PARK and view.rules.stop == STOP_ON_TARGETS
+    return goal_type == GOAL_PICK or goal_type == GOAL_DROP or goal_type == GOAL_STOP or returns
 
 
 @kernel
@@ -409,13 +412,13 @@ def note_progress(view, deadlocks):
     robots, is_quiet = view.robots, True
     for i in range(robots.cell.shape[0]):
         before, goal_type = deadlocks.aim_type[i], robots.goal_type[i]
-        is_quiet = is_quiet and not has_work(goal_type)
-        if robots.busy[i] and has_work(goal_type) and robots.cell[i] == robots.goal_cell[i]:
+        is_quiet = is_quiet and not has_work(view, goal_type)
+        if robots.busy[i] and has_work(view, goal_type) and robots.cell[i] == robots.goal_cell[i]:
             deadlocks.progress[0] = view.clock.coarse_tick
         if before == goal_type and deadlocks.aim_cell[i] == robots.goal_cell[i]:
             continue
         was_there = robots.cell[i] == deadlocks.aim_cell[i]
-        if was_there if has_work(before) else has_work(goal_type):
+        if was_there if has_work(view, before) else has_work(view, goal_type):
             deadlocks.progress[0] = view.clock.coarse_tick
         deadlocks.aim_type[i], deadlocks.aim_cell[i] = goal_type, robots.goal_cell[i]
     if is_quiet:

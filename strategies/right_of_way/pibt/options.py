@@ -41,11 +41,13 @@ from strategies.right_of_way.pibt.pibt_state import (
     OPTION_BITS,
     STAY_OPTION,
     U,
+    clears_aisle,
     has_to_leave,
     holder_of,
     is_for_two,
     resource_in,
 )
+from strategies.right_of_way.pibt.ways_back import price_ways_back
 from strategies.right_of_way.steering import (
     AGAINST_STREET,
     is_needed,
@@ -66,6 +68,7 @@ def rank_all_options(view, state, workspace):
     """Set the options of all robots that choose."""
     mark_fixed(view, state, 1)
     price_all_steps(view, state, workspace)
+    price_ways_back(view, state)
     for i in range(view.robots.cell.shape[0]):
         if state.mode[U(i)] == MODE_UNDECIDED and view.robots.cell[U(i)] != NIL:
             rank_options(view, state, workspace, i)
@@ -111,7 +114,7 @@ def price_all_steps(view, state, workspace):
             price_idle_steps(view, state, i)
         elif state.guided:
             add_street_costs(view, state, i)
-    if state.dead_ends or state.service_areas.callers.shape[0]:
+    if state.dead_ends or state.service_areas.callers.shape[0] or state.aisle.shape[0]:
         price_ways_out(view, state)
 
 
@@ -162,7 +165,8 @@ def price_ways_out(view, state):
     for i in range(robots.cell.shape[0]):
         if robots.goal_type[U(i)] != GOAL_PARK or robots.cell[U(i)] == NIL:
             continue
-        if has_to_leave(view, state, i) or has_to_make_room(view, state, i):
+        leaves = has_to_leave(view, state, i) or clears_aisle(view, state, i)
+        if leaves or has_to_make_room(view, state, i):
             price_idle_steps(view, state, i)
             state.priced_cell[U(i)] = NIL
 
@@ -188,6 +192,8 @@ def price_idle_steps(view, state, i):
     )
     if way_out == NIL and has_to_leave(view, state, i):
         way_out = np.int64(state.way_out[U(cell)])
+    elif way_out == NIL and clears_aisle(view, state, i):
+        way_out = np.int64(state.aisle_way_out[U(cell)])
     for direction in range(4):
         cost = unit if (flags >> direction) & 1 else UNREACHABLE
         if direction == way_out and cost == unit:

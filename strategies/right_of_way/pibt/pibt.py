@@ -24,14 +24,12 @@ from automaton.strategy.api import (
     CMD_GO,
     CMD_HOLD,
     FOLLOWING_CONVOY,
-    GOAL_DROP,
     GOAL_NONE,
     GOAL_PARK,
-    GOAL_PICK,
-    GOAL_STOP,
     KEEP,
     NIL,
     STATUS_UP,
+    STOP_ON_TARGETS,
     Strategy,
     direction_between,
     gate_before,
@@ -52,6 +50,8 @@ from strategies.right_of_way.pibt.pibt_state import (
     STAY_OPTION,
     PibtState,
     U,
+    aisles_of,
+    clears_aisle,
     count_in_dead_ends,
     dead_ends_that_hold,
     empty_dead_ends,
@@ -60,12 +60,14 @@ from strategies.right_of_way.pibt.pibt_state import (
     holds_both_lanes,
     is_across,
     is_lane_free,
+    look_into_aisles,
     own_resource,
     reserve,
     reserve_ahead,
     reserve_other_lane,
     reserver_of,
     resource_in,
+    waits_for_aisle,
 )
 from strategies.right_of_way.pibt.pushes import (
     NOT_ASKED,
@@ -84,6 +86,7 @@ from strategies.right_of_way.steering import (
     count_callers,
     guiding_tables,
     has_stood_long,
+    has_work,
     is_at_goal,
     is_given_up,
     is_time_to_look,
@@ -136,6 +139,9 @@ class Pibt(Strategy):
         """
         n, cells = len(view.robots.cell), len(view.grid.cell_flags)
         ends = dead_ends_that_hold(view.grid, n)
+        is_one_shot = view.rules.stop == STOP_ON_TARGETS
+        names = ("aisle", "aisle_depth", "aisle_way_out")
+        aisles = dict(zip(names, aisles_of(view.grid, ends.number), strict=True))
         queue = np.zeros(n, np.int32)
         if view.rules.radius == NIL:
             seed = np.uint64(view.rules.seed)
@@ -146,7 +152,9 @@ class Pibt(Strategy):
         guided = self.parameters.guidance == "lattice"
         against = moves_against_streets(view.grid) if guided else np.zeros((0, 4), bool)
         return PibtState.sized(
-            {"n": n, "m": n + 1, "w": 4, "s": 1, "r": 2 * cells, "e": max(ends.total, 1)},
+            {"n": n, "m": n + 1, "w": 4, "s": 1, "r": 2 * cells, "e": max(ends.total, 1)}
+            | {"o": cells if is_one_shot else 0},
+            **(aisles if is_one_shot else {}),
             dead_ends=ends.total,
             holds_back=int(waits),
             rings=int(not waits or view.rules.following == FOLLOWING_CONVOY),
@@ -173,6 +181,7 @@ def look_at_robots(view, batch, state):
     robots, limited = view.robots, view.rules.radius != NIL
     state.calls += 1
     empty_dead_ends(state)
+    look_into_aisles(view, state)
     count_callers(view, state.service_areas)
     for i in range(robots.cell.shape[0]):
         # With limited sight the choices of other robots are not visible.
@@ -281,8 +290,7 @@ def has_finished(view, state, i):
         is_kept = robots.action[i] == ACTION_GATE and is_beside_full_gate(view, i)
         return is_kept and state.stall[0] == 0
     state.aim_type[i], state.aim_cell[i] = robots.goal_type[i], robots.goal_cell[i]
-    was_visit = before == GOAL_PICK or before == GOAL_DROP or before == GOAL_STOP
-    return was_visit and robots.cell[i] == cell
+    return has_work(view, before) and robots.cell[i] == cell
 
 
 @kernel
@@ -348,9 +356,13 @@ def rank_of(view, state, i):
             return LEAVES if opens_soon(view, gate, i) else HAS_NOTHING
     if way_to_make_room(view, state.service_areas, i, robots.cell[U(i)]) != NIL:
         return LEAVES
+    if clears_aisle(view, state, i):
+        return LEAVES
+    if waits_for_aisle(view, state, i):
+        return HAS_NOTHING
     if state.dead_ends == 0:
         is_idle = robots.goal_type[U(i)] == GOAL_NONE or robots.goal_type[U(i)] == GOAL_PARK
-        return HAS_NOTHING if is_idle else WORKS
+        return HAS_NOTHING if is_idle and not has_work(view, robots.goal_type[U(i)]) else WORKS
     cell, goal = np.int64(robots.cell[i]), np.int64(robots.goal_cell[i])
     here = np.int64(NIL) if cell == NIL else np.int64(state.dead_end[cell])
     if has_to_leave(view, state, i):
@@ -360,11 +372,9 @@ def rank_of(view, state, i):
     there = np.int64(state.dead_end[goal])
     if here != NIL and here != there:
         return LEAVES
-    if robots.goal_type[i] == GOAL_PARK or (
-        there != NIL and there != here and state.tenants[there]
-    ):
-        return HAS_NOTHING
-    return WORKS
+    must_wait = there != NIL and there != here and state.tenants[there] > 0
+    is_idle = robots.goal_type[i] == GOAL_PARK and not has_work(view, robots.goal_type[i])
+    return HAS_NOTHING if is_idle or must_wait else WORKS
 
 
 @kernel

@@ -123,6 +123,20 @@ class PibtState(Struct):
     )
     unpriced: Array = field("(m,) int32", "robots whose costs change", role=SCRATCH)
     table: Array = field("(n,) int32", "the distance table to its goal, or NIL", role=SCRATCH)
+    aisle: Array = field("(o,) int32", "the narrow aisle of a cell, or NIL", role=CONSTANT)
+    aisle_depth: Array = field("(o,) int32", "moves out of it by the nearer end", role=CONSTANT)
+    aisle_way_out: Array = field("(o,) uint8", "the direction out of it", role=CONSTANT)
+    innermost: Array = field(
+        "(o,) int32", "by aisle: depth of the innermost target without its robot", role=SCRATCH
+    )
+    outermost: Array = field(
+        "(o,) int32", "by aisle: depth of the outermost target with its robot", role=SCRATCH
+    )
+    moves_back: Array = field(
+        "(o,) int32", "moves from a cell to a target (ways_back)", role=SCRATCH
+    )
+    next_cells: Array = field("(o,) int32", "cells to search next", role=SCRATCH)
+    later_cells: Array = field("(o,) int32", "those with a robot on its target", role=SCRATCH)
     holds_fixed: Array = field(
         "(c,) uint8", "1 = a robot that does not choose is there", role=SCRATCH
     )
@@ -320,6 +334,8 @@ def has_to_leave(view, state, i):
 @kernel
 def may_enter(view, state, i, cell):
     """Whether the rules of dead ends let robot i enter a cell: with a goal inside, and in its turn."""
+    if waits_for_aisle(view, state, i) and state.aisle[cell] == state.aisle[view.robots.home[i]]:
+        return False
     if state.dead_ends == 0:
         return True
     dead_end = np.int64(state.dead_end[cell])
@@ -334,3 +350,88 @@ def may_enter(view, state, i, cell):
     if state.callers[dead_end] or state.drivers[dead_end] or depth < state.parks_at[dead_end]:
         return False
     return state.parked_from[dead_end] >= depth
+
+
+# Narrow aisles, in one-shot problems: the robot with the innermost target goes first.
+
+
+def aisles_of(grid, dead_end):
+    """Return (c,) the aisle of a cell, its depth, and the direction out of it by the nearer end.
+
+    An aisle consists of cells for one robot with two exits each, outside dead ends.
+    """
+    flags, offsets = grid.cell_flags, grid.offset.tolist()
+    is_open = (flags & 15 != 0) & (dead_end == NIL)
+    leads = [(flags >> d & 1 != 0) & is_open & np.roll(is_open, -o) for d, o in enumerate(offsets)]
+    narrow = is_open & (np.sum(leads, axis=0) == 2) & (flags >> 5 & 3 == 1)
+    number = np.where(narrow, np.arange(len(flags)), len(flags))
+    before = np.zeros_like(number)
+    while (number != before).any():
+        before = number.copy()
+        for leading, offset in zip(leads, offsets, strict=True):
+            number = np.minimum(
+                number, np.where(leading & narrow, np.roll(number, -offset), number)
+            )
+            number[~narrow] = len(flags)
+    depth, way_out = np.where(narrow, NIL, 0), np.zeros(len(flags), np.uint8)
+    for moves in range(1, len(flags)):
+        inner = depth == moves - 1
+        reached = np.zeros(len(flags), bool)
+        for direction, (leading, offset) in enumerate(zip(leads, offsets, strict=True)):
+            reached |= (now := leading & (depth == NIL) & np.roll(inner, -offset))
+            way_out[now] = direction
+        if not reached.any():
+            break
+        depth[reached] = moves
+    number = np.where(narrow & (depth > 0), number, NIL)
+    return number.astype(np.int32), depth.astype(np.int32), way_out
+
+
+@kernel
+def look_into_aisles(view, state):
+    """Note the innermost target without its robot, and the outermost with it, of each aisle."""
+    robots = view.robots
+    if state.aisle.shape[0] == 0:
+        return
+    state.innermost[:] = 0
+    state.outermost[:] = DEEPEST
+    for i in range(robots.cell.shape[0]):
+        home = np.int64(robots.home[U(i)])
+        aisle = np.int64(state.aisle[U(home)])
+        if aisle == NIL:
+            continue
+        depth = state.aisle_depth[U(home)]
+        if robots.goal_type[U(i)] == GOAL_PARK:
+            state.innermost[U(aisle)] = max(state.innermost[U(aisle)], depth)
+        elif robots.goal_type[U(i)] == GOAL_NONE:
+            state.outermost[U(aisle)] = min(state.outermost[U(aisle)], depth)
+
+
+@kernel
+def clears_aisle(view, state, i):
+    """Whether robot i, in the aisle of its target, leaves it for a robot with a target further in."""
+    robots = view.robots
+    goal_type, cell = robots.goal_type[U(i)], np.int64(robots.cell[U(i)])
+    if state.aisle.shape[0] == 0 or cell == NIL:
+        return False
+    if goal_type != GOAL_NONE and goal_type != GOAL_PARK:
+        return False
+    home = np.int64(robots.home[U(i)])
+    aisle = np.int64(state.aisle[U(home)])
+    if aisle == NIL or state.aisle[U(cell)] != aisle:
+        return False
+    return state.innermost[U(aisle)] > state.aisle_depth[U(home)]
+
+
+@kernel
+def waits_for_aisle(view, state, i):
+    """Whether robot i is outside the aisle of its target, and others must enter or leave it first."""
+    robots = view.robots
+    if state.aisle.shape[0] == 0 or robots.goal_type[U(i)] != GOAL_PARK:
+        return False
+    home, cell = np.int64(robots.home[U(i)]), np.int64(robots.cell[U(i)])
+    aisle = np.int64(state.aisle[U(home)])
+    if aisle == NIL or (cell != NIL and state.aisle[U(cell)] == aisle):
+        return False
+    depth = state.aisle_depth[U(home)]
+    return depth < state.innermost[U(aisle)] or depth > state.outermost[U(aisle)]

@@ -22,7 +22,8 @@ Array = np.ndarray[Any, Any]
 
 DRAIN_STATES: Final = ("move", "turn", "pick", "drop", "wait")
 HANDLING: Final = ("pick", "drop")
-MAX_WIDTH: Final = 0.1  # of an interval, relative to the value: picks and drops are told apart
+MAX_SEPARATE_WIDTH: Final = 0.15  # of an interval, with which picks and drops are told apart
+MAX_WIDTH: Final = 1.0  # of an interval
 MIN_WINDOWS: Final = 20
 WINDOW_S: Final = 60.0  # between the begins of windows, about
 LONG_WINDOW_S: Final = 300.0  # if these may cut an operation
@@ -46,10 +47,11 @@ class DrainFit(NamedTuple):
     loaded_factor: FittedValue | None  # None: too few seconds with a load
     is_joint: bool  # picks and drops have one value: as many of both are in most windows
 
-    def is_vague(self, name: str) -> bool:
-        """Whether the interval of a state is wide."""
-        fit = self.drains.get(name)
-        return fit is not None and fit.high - fit.low > MAX_WIDTH * fit.value
+    def width(self, name: str) -> float:
+        """The width of the interval of a state relative to its value, at least a tenth of the largest."""
+        low, high = self.drains[name][1:3]
+        least = max(one.value for one in self.drains.values()) / 10
+        return (high - low) / max(self.drains[name].value, least, 1e-12)
 
 
 def state_seconds(
@@ -120,7 +122,8 @@ def fit_drains(
     }
     states = [name for name in DRAIN_STATES if name in table]
     fit = _fit_table(table, lost[is_complete], [(name,) for name in states], errors, seed)
-    if not any(fit.is_vague(name) for name in HANDLING):
+    has_both = all(name in states for name in HANDLING)
+    if not has_both or max(map(fit.width, HANDLING)) < MAX_SEPARATE_WIDTH:
         return fit
     groups = [HANDLING, *((name,) for name in states if name not in HANDLING)]
     return _fit_table(table, lost[is_complete], groups, errors, seed)

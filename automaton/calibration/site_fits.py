@@ -352,7 +352,7 @@ def _fit_battery(fitting: Fitting, turns: Array) -> tuple[tuple[float, float], .
         key = f"battery.drain.{name}"
         if not fitting.is_long_enough(key, shortest.get(name, math.inf)):
             continue
-        if drain.high - drain.low > drain.value:
+        if fit is not None and fit.width(name) > battery_fits.MAX_WIDTH:
             low, high = drain.low * HOUR, drain.high * HOUR
             text = f"{key}: {low:.3g} to {high:.3g} %/h, not told apart from other states"
             fitting.unsaid.append(text)

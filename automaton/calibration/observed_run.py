@@ -136,17 +136,19 @@ def _gap_of(log: StateLog, tick: Array) -> int:
 
 
 def _demand_of(log: StateLog, tick: Array) -> ObservedDemand:
-    """The orders of a run; a load that is carried for an order is the load of this order."""
+    """The orders of a run; a load belongs to the order for which it is carried, and each carry of a load
+    without one is an order."""
     samples = log.samples
     order = samples.order.astype(np.int64) - 1
     load = _known_before(samples.load, samples.robot).astype(np.int64) - 1
     # A load belongs to the order for which it was taken up, also when its robot has another one.
     begins = np.flatnonzero(np.diff(load, prepend=-2) | np.diff(samples.robot, prepend=NIL))
-    of_order = np.repeat(order[begins], np.diff(begins, append=len(load)))
-    load = np.where(load < 0, NIL, np.where(of_order != NIL, of_order, load + len(log.orders)))
+    orders = len(log.orders)
+    of_carry = np.where(order[begins] != NIL, order[begins], orders + np.arange(len(begins)))
+    load = np.where(load < 0, NIL, np.repeat(of_carry, np.diff(begins, append=len(load))))
     both = np.concatenate((order, load))
     named = np.unique(both)
-    first_ticks = np.full(len(log.orders) + len(log.loads), NIL, np.int64)
+    first_ticks = np.full(orders + len(begins), NIL, np.int64)
     at = np.concatenate((tick, tick))
     by_time = np.argsort(at, kind="stable")[::-1]
     there = both[by_time] != NIL

@@ -61,7 +61,7 @@ class SiteFits(NamedTuple):
 
     gap_s: float  # median time between two messages of a robot
     robots: int
-    hours: float  # from the first message to the last
+    hours: float  # with messages
     estimates: dict[str, Estimate]
     unsaid: list[str]
     notes: list[str]
@@ -172,7 +172,7 @@ def fit_site(
     return SiteFits(
         track.gap,
         len(log.robots),
-        float(np.ptp(track.seconds)) / HOUR,
+        (float(np.ptp(track.seconds)) - log.counts.silent_s) / HOUR,
         fitting.estimates,
         fitting.unsaid,
         fitting.notes,

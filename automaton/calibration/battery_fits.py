@@ -215,9 +215,11 @@ def fit_charging(track: RobotTracks) -> tuple[tuple[float, float], ...]:
     change = np.append(np.diff(charge), 0.0)
     both = charging & np.append(charging[1:], False) & track.usable & (charge < FULL)
     both &= np.isfinite(change)
-    percent = np.clip(np.floor(charge[both]), 0, 99).astype(np.int64)
-    time = np.bincount(percent, track.elapsed[both], 100)
-    gained = np.bincount(percent, change[both], 100)
+    rows = np.flatnonzero(both)
+    rows = rows[_between_changes(rows, change)]
+    percent = np.clip(np.floor(charge[rows]), 0, 99).astype(np.int64)
+    time = np.bincount(percent, track.elapsed[rows], 100)
+    gained = np.bincount(percent, change[rows], 100)
     if time.sum() < MIN_BIN_SECONDS:
         return ()
     known = np.flatnonzero(time > 0)
@@ -232,6 +234,22 @@ def fit_charging(track: RobotTracks) -> tuple[tuple[float, float], ...]:
     parts = zip(np.split(rate, begins[1:]), np.split(weight, begins[1:]), strict=True)
     rates = [float(np.average(part, weights=of)) for part, of in parts]
     return tuple(zip([0.0, *known[begins[1:]].astype(float).tolist()], rates, strict=True))
+
+
+def _between_changes(rows: Array, change: Array) -> Array:
+    """(k,) bool: rows after the first change and up to the last one of those without a gap between them.
+
+    Only where a rounded charge changes is it exact.
+    """
+    if not len(rows):
+        return np.zeros(0, np.bool_)
+    changes = (change[rows] != 0).astype(np.int64)
+    begins = np.flatnonzero(np.diff(rows, prepend=-2) > 1)
+    lengths = np.diff(begins, append=len(rows))
+    before = np.cumsum(changes) - changes
+    since = before - np.repeat(before[begins], lengths)
+    out: Array = (since > 0) & (since < np.repeat(np.add.reduceat(changes, begins), lengths))
+    return out
 
 
 def _steps(rate: Array, weight: Array, steps: int) -> tuple[float, list[int]]:

@@ -247,11 +247,13 @@ def _fit_operations(
 ) -> dict[str, duration_fits.DurationFit]:
     """Fit handling, picks and drops, and the picks and drops of types that differ from the others."""
     log, out = fitting.log, {}
+    known = [one.lower() for one in log.actions]
     for name, action in operations.items():
-        if action not in log.actions:
-            fitting.unsaid.append(f"durations.{name}: the log has no action {action}")
+        if action.lower() not in known:
+            others = f"; it has {', '.join(log.actions)}: use --action {name}=..." if known else ""
+            fitting.unsaid.append(f"durations.{name}: the log has no action {action}{others}")
             continue
-        chosen = log.samples.action == log.actions.index(action) + 1
+        chosen = log.samples.action == known.index(action.lower()) + 1
         key = f"durations.{name}"
         data = fitting.operations(chosen)
         if not fitting.has_enough(key, data.n, MIN_OPERATIONS, "operation"):
@@ -274,6 +276,8 @@ def _fit_operations(
             if usual != present or not of_type.low <= fit.mean <= of_type.high:
                 out[fitting.key(kind, key)] = of_type
                 fitting.add_duration(fitting.key(kind, key), usual, of_type)
+        if all(fitting.key(kind, key) in out for kind in range(len(fitting.types))):
+            del fitting.estimates[key]  # a mixture
     return out
 
 

@@ -8,23 +8,33 @@ charge.
 
 from __future__ import annotations
 
+import itertools
+import math
+from collections.abc import Mapping, Sequence
 from typing import Any, Final, NamedTuple
 
 import numpy as np
 
-from automaton.calibration.motion_fits import STILL, FittedValue, RobotTracks
+from automaton.calibration.log_on_floor import STILL, RobotTracks
+from automaton.calibration.motion_fits import FittedValue
 
 Array = np.ndarray[Any, Any]
 
 DRAIN_STATES: Final = ("move", "turn", "pick", "drop", "wait")
-WINDOWS_S: Final = (60.0, 3600.0)  # range of the length of windows
+HANDLING: Final = ("pick", "drop")
+MAX_WIDTH: Final = 0.1  # of an interval, relative to the value: picks and drops are told apart
+MIN_WINDOWS: Final = 20
+WINDOW_S: Final = 60.0  # between the begins of windows, about
+LONG_WINDOW_S: Final = 300.0  # if these may cut an operation
+ROUNDED: Final = 0.25  # share of pairs with a change of charge, below which it is rounded
 COMMON: Final = 0.05  # share of messages in motion
-RESOLUTION_STEPS: Final = 50
 RESAMPLES: Final = 200
 TRIMS: Final = 2
 OUTLIER: Final = 6.0  # medians of the absolute error
+MIN_SHARE: Final = 0.02  # of time with a load, for its factor
 LOAD_FACTORS: Final = (0.5, 3.0)
 MAX_CHARGE_STEPS: Final = 3
+FULL: Final = 99.5  # percent from which chargers trickle
 MIN_BIN_SECONDS: Final = 60.0  # of charging, for a rate
 WORTH: Final = 0.05  # a further step must lower the squared error to this share of the variation
 
@@ -34,186 +44,201 @@ class DrainFit(NamedTuple):
 
     drains: dict[str, FittedValue]
     loaded_factor: FittedValue | None  # None: too few seconds with a load
+    is_joint: bool  # picks and drops have one value: as many of both are in most windows
+
+    def is_vague(self, name: str) -> bool:
+        """Whether the interval of a state is wide."""
+        fit = self.drains.get(name)
+        return fit is not None and fit.high - fit.low > MAX_WIDTH * fit.value
 
 
 def state_seconds(
-    track: RobotTracks, usual: Array, turn_seconds: Array, operations: dict[str, float]
+    track: RobotTracks, usual: Array, turn_seconds: Array, operations: Mapping[str, Array]
 ) -> dict[str, Array]:
-    """(n,) seconds of each state between each message and the next; the rest of the time is waiting.
+    """(2, n) seconds of each state between each message and the next, without a load and with one.
 
-    `usual`: (n,) usual speed in cells per second; `turn_seconds`: (n,) of a turn; `operations`: seconds
-    of a pick and of a drop. Time in motion is the path at the usual speed; a change of the load is a pick
-    or a drop, even if no message shows it.
+    `usual`: (n,) usual speed in cells per second; `turn_seconds`: (n,) of a turn; `operations`: (n,)
+    seconds of a pick and of a drop. Time in motion is the path at the usual speed; a change of the load
+    is a pick or a drop, even if no message shows it. The rest of the time is waiting.
     """
-    seconds = np.append(np.diff(track.seconds), 0.0)
-    way = sum(abs(np.append(np.diff(one), 0.0)) for one in (track.column, track.row))
+    way = abs(track.step).sum(axis=0)
     moves = track.driving | np.append(track.driving[1:], False) | (way > STILL)
     with np.errstate(divide="ignore", invalid="ignore"):
-        out = {"move": np.where(moves & (usual > 0), np.nan_to_num(way / usual), 0.0)}
+        move = np.where(moves & (usual > 0), np.nan_to_num(way / usual), 0.0)
     turned = np.append(np.diff(track.heading.astype(np.int64)), 0) % 4
-    out["turn"] = turn_seconds * np.minimum(turned, 4 - turned)
-    after = np.append(track.loaded[1:], track.loaded[-1:])
-    out["pick"] = operations.get("pick", 0.0) * (~track.loaded & after)
-    out["drop"] = operations.get("drop", 0.0) * (track.loaded & ~after)
-    out["wait"] = seconds - sum(out.values())  # of some pairs below 0: a turn shows at its end
+    turn = turn_seconds * np.minimum(turned, 4 - turned)
+    loaded = np.stack((track.loaded, np.append(track.loaded[1:], False)))
+    share = np.stack((1 - loaded.mean(axis=0), loaded.mean(axis=0)))
+    # Of some pairs, waiting is below 0: a turn shows at its end, an operation at a change of the load.
+    out = {
+        "move": share * move,
+        "turn": share * turn,
+        "wait": share * (track.elapsed - move - turn),
+    }
+    acts = np.stack((track.acts, np.append(track.acts[1:], False)))
+    for name, before in (("pick", 0), ("drop", 1)):
+        changes = track.usable & (loaded[0] == before) & (loaded[1] != before)
+        seconds = changes * operations[name]
+        out[name] = np.zeros_like(share)
+        out[name][before] = seconds  # uses energy as without, as with the load
+        # The load changes at the begin of an operation, at its end, or between: when the robot acts.
+        acting = acts[:, changes].sum(axis=1)
+        side = acting / acting.sum() if acting.any() else np.full(2, 0.5)
+        out["wait"][before] -= side[0] * seconds
+        out["wait"][1 - before] -= side[1] * seconds
     return out
 
 
 def fit_drains(
-    track: RobotTracks, seconds: dict[str, Array], charge: Array, left_out: Array, seed: int = 0
+    track: RobotTracks,
+    seconds: Mapping[str, Array],
+    errors: Mapping[str, tuple[float, float]],
+    seed: int = 0,
 ) -> DrainFit | None:
-    """The energy use; `charge`: (n,) percent, `left_out`: (n,) bool, charging or down.
+    """The energy use, from the `seconds` of each state; None: too few windows.
 
-    None: the log has no charge.
+    `errors`: relative standard errors of the seconds of a state, without a load and with one.
     """
-    change = np.append(charge[:-1] - charge[1:], 0.0)
-    usable = track.usable & ~left_out & ~np.append(left_out[1:], True) & ~np.isnan(change)
-    rows = np.flatnonzero(usable)
+    samples = track.log.samples
+    change = np.append(samples.charge[:-1] - samples.charge[1:], 0.0)
+    off = (samples.charging == 1) | samples.down
+    rows = np.flatnonzero(track.usable & ~off & ~np.append(off[1:], True) & np.isfinite(change))
     if not len(rows):
         return None
-    begins = window_begins(track, window_seconds(change[rows], track.seconds))
-    first = np.flatnonzero(begins[rows] | np.append(True, np.diff(rows) > 1))
-    load = track.loaded & np.append(track.loaded[1:], False)
-    half = track.loaded ^ np.append(track.loaded[1:], False)
-    share = (load + 0.5 * half)[rows]
-    shares = {"pick": 0.0 * share, "drop": 0.0 * share + 1}
+    begins = window_begins(track, change, rows)[rows]
+    breaks = np.diff(rows, prepend=-1) > 1
+    first = np.flatnonzero(begins | breaks)
+    lost = np.add.reduceat(change[rows], first)
+    # Windows that begin or end elsewhere, as at a charger, cut an operation.
+    is_complete = begins[first] & np.append((begins & ~breaks)[first[1:]], False)
+    if is_complete.sum() < MIN_WINDOWS:
+        return None
+    table = {
+        name: np.add.reduceat(one[:, rows], first, axis=1)[:, is_complete]
+        for name, one in seconds.items()
+        if one[:, rows].sum() > 0
+    }
+    states = [name for name in DRAIN_STATES if name in table]
+    fit = _fit_table(table, lost[is_complete], [(name,) for name in states], errors, seed)
+    if not any(fit.is_vague(name) for name in HANDLING):
+        return fit
+    groups = [HANDLING, *((name,) for name in states if name not in HANDLING)]
+    return _fit_table(table, lost[is_complete], groups, errors, seed)
 
-    def by_window(one: Array) -> Array:
-        out: Array = np.add.reduceat(one, first)
-        return out
 
-    names = [name for name in DRAIN_STATES if seconds[name][rows].sum() > 0]
-    empty = np.stack(
-        [by_window(seconds[name][rows] * (1 - shares.get(name, share))) for name in names], axis=1
-    )
-    loaded = np.stack(
-        [by_window(seconds[name][rows] * shares.get(name, share)) for name in names], axis=1
-    )
-    lost = by_window(change[rows])
+def _fit_table(
+    seconds: Mapping[str, Array],
+    lost: Array,
+    groups: Sequence[tuple[str, ...]],
+    errors: Mapping[str, tuple[float, float]],
+    seed: int,
+) -> DrainFit:
+    """The energy use of groups of states, from the `seconds` and the charge lost in each window."""
+    table = np.stack([sum(seconds[name] for name in group) for group in groups], axis=2)
     # Windows whose charge is off for another reason do not count: most of them lie close together.
     for _ in range(TRIMS):
-        at = _solve(empty, loaded, lost, True)
-        beyond = abs(lost - (empty + at[-1] * loaded) @ at[:-1])
+        at = _solve(table, lost, True)
+        beyond = abs(lost - (table[0] + at[-1] * table[1]) @ at[:-1])
         usual = beyond <= OUTLIER * max(float(np.median(beyond)), 1e-9)
-        empty, loaded, lost = empty[usual], loaded[usual], lost[usual]
-    has_factor = loaded.sum() > 0.02 * (empty.sum() + loaded.sum()) and empty.sum() > 0
-    rng = np.random.default_rng(seed)
-    solutions = [_solve(empty, loaded, lost, has_factor)]
+        table, lost = table[:, usual], lost[usual]
+    has_factor = bool(table[1].sum() > MIN_SHARE * table.sum() and table[0].sum() > 0)
+    best = _solve(table, lost, has_factor)
+    # Windows are drawn anew, and the seconds of states err as fitted durations do.
+    rng, resampled = np.random.default_rng(seed), []
+    spread = np.array([errors.get(group[0], (0.0, 0.0)) for group in groups]).T
     for _ in range(RESAMPLES):
-        pick = rng.integers(0, len(lost), len(lost))
-        factor = solutions[0][-1] if has_factor else 1.0
-        solutions.append(_solve(empty[pick], loaded[pick], lost[pick], has_factor, factor))
-    table = np.array(solutions)
-    ends = np.quantile(table[1:], (0.025, 0.975), axis=0)
+        drawn = rng.integers(0, len(lost), len(lost))
+        more = table[:, drawn] * (spread * rng.normal(size=spread.shape))[:, None]
+        more[:, :, [group == ("wait",) for group in groups]] -= more.sum(axis=2, keepdims=True)
+        near = float(best[-1])
+        resampled.append(_solve(table[:, drawn] + more, lost[drawn], has_factor, near))
+    ends = np.quantile(resampled, (0.025, 0.975), axis=0)
     fits = [
-        FittedValue(float(table[0, k]), float(ends[0][k]), float(ends[1][k]), len(lost))
-        for k in range(table.shape[1])
+        FittedValue(value, low, high, len(lost))
+        for value, low, high in np.stack((best, *ends), axis=1).tolist()
     ]
-    return DrainFit(dict(zip(names, fits, strict=False)), fits[-1] if has_factor else None)
+    drains = {name: fit for group, fit in zip(groups, fits, strict=False) for name in group}
+    return DrainFit(drains, fits[-1] if has_factor else None, HANDLING in groups)
 
 
-def window_seconds(change: Array, seconds: Array) -> float:
-    """The length of windows in which the charge falls by many steps of its resolution."""
-    steps = abs(change[change != 0])
-    if not len(steps):
-        return WINDOWS_S[1]
-    elapsed = float(np.median(np.diff(seconds))) * len(change)
-    rate = float(steps.sum()) / max(elapsed, 1.0)
-    return float(np.clip(RESOLUTION_STEPS * float(steps.min()) / rate, *WINDOWS_S))
+def window_begins(track: RobotTracks, change: Array, rows: Array) -> Array:
+    """(n,) bool: messages at which windows begin; `change`: (n,) loss of charge until the next message.
 
-
-def window_begins(track: RobotTracks, length: float) -> Array:
-    """(n,) bool: messages at which windows begin, in motion and at the centre of a cell.
-
-    So no operation belongs to two windows, and no move of a simulated robot, which uses its energy as it
-    begins.
+    That is in motion at the centre of a cell, so that no operation belongs to two windows, and no move of
+    a simulated robot, which uses its energy as it begins. If the charge is rounded, so that few of the
+    pairs in `rows` show a change, it is where the rounded charge changes: only there it is exact.
     """
-    moving = track.driving & ~track.acts
-    at_centre = (track.column % 1 == 0) & (track.row % 1 == 0)
-    is_common = (moving & at_centre).sum() > COMMON * moving.sum()
-    candidates = np.flatnonzero(moving & at_centre if is_common else moving)
+    if np.count_nonzero(change[rows]) < ROUNDED * len(rows):
+        candidates, length = rows[change[rows] != 0] + 1, LONG_WINDOW_S
+    else:
+        moving, length = track.driving & ~track.acts, WINDOW_S
+        at_centre = moving & (track.place % 1 == 0).all(axis=0)
+        candidates = np.flatnonzero(
+            at_centre if at_centre.sum() > COMMON * moving.sum() else moving
+        )
     number = np.floor(track.seconds[candidates] / length)
-    is_new = np.append(True, (np.diff(number) != 0) | (np.diff(track.robot[candidates]) != 0))
-    out = np.zeros(len(track.seconds), bool)
-    out[candidates[is_new[: len(candidates)]]] = True
+    robot = track.log.samples.robot[candidates]
+    is_new = (np.diff(number, prepend=-1) != 0) | (np.diff(robot, prepend=-1) != 0)
+    out = np.zeros(len(change), np.bool_)
+    out[candidates[is_new]] = True
     return out
 
 
-def _solve(
-    empty: Array, loaded: Array, lost: Array, has_factor: bool, near: float | None = None
-) -> Array:
-    """Energy use of each state, and the factor of a load; `near`: about this factor."""
+def _solve(table: Array, lost: Array, has_factor: bool, near: float | None = None) -> Array:
+    """Energy use of each state, and the factor of a load; `near`: about this factor.
+
+    `table`: (2, windows, states) seconds without a load and with one.
+    """
     from scipy.optimize import minimize_scalar, nnls
 
-    def residual(factor: float) -> float:
-        return float(nnls(empty + factor * loaded, lost)[1])
+    def fit(factor: float) -> tuple[Array, float]:
+        out: tuple[Array, float] = nnls(table[0] + factor * table[1], lost)
+        return out
 
     factor = 1.0
     if has_factor:
         ends = LOAD_FACTORS if near is None else (near - 0.2, near + 0.2)
-        factor = float(
-            minimize_scalar(residual, bounds=ends, method="bounded", options={"xatol": 1e-4}).x
+        options = {"xatol": 1e-4}
+        search = minimize_scalar(
+            lambda one: fit(one)[1], bounds=ends, method="bounded", options=options
         )
-    return np.append(nnls(empty + factor * loaded, lost)[0], factor)
+        factor = float(search.x)
+    return np.append(fit(factor)[0], factor)
 
 
-def fit_charging(
-    track: RobotTracks, charge: Array, charging: Array
-) -> tuple[tuple[float, float], ...]:
+def fit_charging(track: RobotTracks) -> tuple[tuple[float, float], ...]:
     """[from percent, percent per second] steps of the charging rate; () if too little was charged."""
+    charge, charging = track.log.samples.charge, track.log.samples.charging == 1
     change = np.append(np.diff(charge), 0.0)
-    seconds = np.append(np.diff(track.seconds), 0.0)
-    both = (
-        charging
-        & np.append(charging[1:], False)
-        & track.usable
-        & ~np.isnan(change)
-        & (charge < 99.5)
-    )
+    both = charging & np.append(charging[1:], False) & track.usable & (charge < FULL)
+    both &= np.isfinite(change)
     percent = np.clip(np.floor(charge[both]), 0, 99).astype(np.int64)
-    time = np.bincount(percent, seconds[both], 100)
+    time = np.bincount(percent, track.elapsed[both], 100)
     gained = np.bincount(percent, change[both], 100)
     if time.sum() < MIN_BIN_SECONDS:
         return ()
     known = np.flatnonzero(time > 0)
     rate, weight = gained[known] / time[known], time[known]
     mean = float(np.average(rate, weights=weight))
-    best = _steps(rate, weight, 1)
-    for count in range(2, min(MAX_CHARGE_STEPS, len(known)) + 1):
-        more = _steps(rate, weight, count)
+    misfit, begins = math.inf, [0]
+    for steps in range(1, min(MAX_CHARGE_STEPS, len(known)) + 1):
+        after, more = _steps(rate, weight, steps)
         # A step is worth a key if what remains shrinks, and is more than a hundredth of the rate.
-        before, after = _misfit(rate, weight, best), _misfit(rate, weight, more)
-        if before > weight.sum() * (WORTH * mean) ** 2 and after < before / 2:
-            best = more
-    begins = [0, *best[1:]]
-    ends = [*begins[1:], len(known)]
-    steps: list[tuple[float, float]] = []
-    for begin, end in zip(begins, ends, strict=True):
-        value = float(np.average(rate[begin:end], weights=weight[begin:end]))
-        steps.append((0.0 if not steps else float(known[begin]), value))
-    return tuple(steps)
+        if steps == 1 or (misfit > weight.sum() * (WORTH * mean) ** 2 and after < misfit / 2):
+            misfit, begins = after, more
+    parts = zip(np.split(rate, begins[1:]), np.split(weight, begins[1:]), strict=True)
+    rates = [float(np.average(part, weights=of)) for part, of in parts]
+    return tuple(zip([0.0, *known[begins[1:]].astype(float).tolist()], rates, strict=True))
 
 
-def _misfit(rate: Array, weight: Array, begins: list[int]) -> float:
-    ends = [*begins[1:], len(rate)]
-    return sum(_cost(rate[b:e], weight[b:e]) for b, e in zip(begins, ends, strict=True))
-
-
-def _cost(rate: Array, weight: Array) -> float:
-    mean = np.average(rate, weights=weight)
-    return float((weight * (rate - mean) ** 2).sum())
-
-
-def _steps(rate: Array, weight: Array, count: int) -> list[int]:
-    """The first elements of `count` runs with the least squared error (dynamic programming)."""
-    n = len(rate)
-    cost = {(b, e): _cost(rate[b:e], weight[b:e]) for b in range(n) for e in range(b + 1, n + 1)}
-    best: dict[tuple[int, int], tuple[float, list[int]]] = {
-        (e, 1): (cost[0, e], [0]) for e in range(1, n + 1)
-    }
-    for k in range(2, count + 1):
-        for e in range(k, n + 1):
-            best[e, k] = min(
-                (best[b, k - 1][0] + cost[b, e], [*best[b, k - 1][1], b]) for b in range(k - 1, e)
-            )
-    return best[n, count][1]
+def _steps(rate: Array, weight: Array, steps: int) -> tuple[float, list[int]]:
+    """The least squared error of `steps` runs, and the first element of each."""
+    sums = [np.append(0, np.cumsum(weight * rate**power)) for power in (0, 1, 2)]
+    choices = list(itertools.combinations(range(1, len(rate)), steps - 1))
+    ends = np.array(choices, np.int64).reshape(len(choices), steps - 1)
+    edge = np.ones((len(ends), 1), np.int64)
+    one, other = np.hstack((0 * edge, ends)), np.hstack((ends, len(rate) * edge))
+    weights, first, second = (total[other] - total[one] for total in sums)
+    cost = (second - first**2 / weights).sum(axis=1)
+    best = int(cost.argmin())
+    return float(cost[best]), one[best].tolist()

@@ -78,7 +78,7 @@ class DurationFit(NamedTuple):
     aic: float
     n: int
     p: float = math.nan  # that durations of this family differ as much from the observed ones
-    empirical: tuple[float, ...] = ()  # quantiles, each equally likely
+    empirical: tuple[float, ...] = ()  # of handling: quantiles, each equally likely
 
 
 def _constant(x: Array, mean: float, spread: float, error: float) -> Array:
@@ -133,36 +133,42 @@ FAMILIES: Final = {
 }
 
 
-def negative_log_likelihood(data: Censored, family: Family, mean: float, spread: float) -> float:
-    """Minus the logarithm of the likelihood."""
+class Likelihood:
+    """The likelihood of operations; equal ones are counted once."""
 
-    def integral(x: Array) -> Array:
-        return family.integral(x, mean, spread, data.error)
+    def __init__(self, data: Censored) -> None:
+        rows = np.round((data.free_before, data.observed, data.free_after), 6)
+        (before, observed, after), self.counts = np.unique(rows, axis=1, return_counts=True)
+        parts = before + observed + after, observed + after, before + observed, observed
+        self.x, self.gaps = np.concatenate((*parts, data.gaps)), data.gaps
+        self.error = data.error
 
-    before, observed, after = data.free_before, data.observed, data.free_after
-    joint = integral(before + observed + after) - integral(observed + after)
-    joint += integral(observed) - integral(before + observed)
-    out = -float(np.log(np.maximum(joint, LEAST_LIKELIHOOD)).sum())
-    if len(data.gaps):
-        detected = float((data.gaps - integral(data.gaps)).mean())
-        out += data.n * math.log(max(detected, LEAST_LIKELIHOOD))
-    return out
+    def loss(self, family: Family, mean: float, spread: float) -> float:
+        """Minus the logarithm of the likelihood."""
+        values, kinds = family.integral(self.x, mean, spread, self.error), len(self.counts)
+        outer, begin, end, inner = values[: 4 * kinds].reshape(4, kinds)
+        joint = np.maximum(outer - begin - end + inner, LEAST_LIKELIHOOD)
+        out = -float(self.counts @ np.log(joint))
+        if len(self.gaps):
+            detected = float((self.gaps - values[4 * kinds :]).mean())
+            out += int(self.counts.sum()) * math.log(max(detected, LEAST_LIKELIHOOD))
+        return out
 
 
 def fit_family(data: Censored, family: Family) -> DurationFit:
     """The most likely parameters of a family, and the profile likelihood interval of its mean."""
     from scipy.optimize import brentq, minimize, minimize_scalar
 
-    def loss(log_mean: float, log_spread: float) -> float:
-        mean, spread = math.exp(log_mean), math.exp(log_spread)
-        if family.spreads is not None and not family.spreads[0] <= spread <= family.spreads[1]:
-            return math.inf
-        if not SHORTEST_S <= mean <= longest:
-            return math.inf
-        return negative_log_likelihood(data, family, mean, spread)
-
-    middles = np.maximum(data.middles, SHORTEST_S)
+    likelihood, middles = Likelihood(data), np.maximum(data.middles, SHORTEST_S)
     longest = 100 * float(middles.max())
+
+    def loss(log_mean: float, log_spread: float = 0.0) -> float:
+        mean, spread = math.exp(log_mean), math.exp(log_spread)
+        low, high = family.spreads or (spread, spread)
+        if not (low <= spread <= high and SHORTEST_S <= mean <= longest):
+            return math.inf
+        return likelihood.loss(family, mean, spread)
+
     start = [math.log(middles.mean())]
     if family.name == "uniform":  # all durations lie within the first guess
         middle = (middles.min() + middles.max()) / 2
@@ -170,18 +176,15 @@ def fit_family(data: Censored, family: Family) -> DurationFit:
     elif family.spreads is not None:
         cv = np.clip(middles.std() / middles.mean(), 2 * MIN_SPREAD, 0.9)
         start.append(math.log(cv))
-    best = minimize(
-        lambda at: loss(at[0], at[1] if len(at) == 2 else 0.0),
-        start,
-        method="Nelder-Mead",
-        options={"xatol": 1e-5, "fatol": 1e-5, "initial_simplex": _simplex(start)},
-    )
-    log_mean, spread = best.x[0], best.x[1] if len(best.x) == 2 else -math.inf
+    simplex = np.vstack((start, np.array(start) - 0.1 * np.eye(len(start))))
+    options = {"xatol": 1e-4, "fatol": 1e-4, "initial_simplex": simplex}
+    best = minimize(lambda at: loss(*at), start, method="Nelder-Mead", options=options)
+    log_mean, spread = best.x[0], best.x[1] if family.spreads else -math.inf
 
     def beyond(one: float) -> float:
         """The profile likelihood at a mean, beyond the end of the interval."""
         if family.spreads is None:
-            profile = loss(one, 0.0)
+            profile = loss(one)
         else:
             low, high = map(math.log, family.spreads)
             ends = max(low, spread - 1.0), min(high, spread + 1.0)
@@ -189,7 +192,7 @@ def fit_family(data: Censored, family: Family) -> DurationFit:
                 lambda other: loss(one, other),
                 bounds=ends,
                 method="bounded",
-                options={"xatol": 1e-3},
+                options={"xatol": 2e-3},
             )
             profile = float(search.fun)
         return min(profile - float(best.fun), 1e9) - HALF_CHI_SQUARE
@@ -202,19 +205,11 @@ def fit_family(data: Censored, family: Family) -> DurationFit:
             step *= 2
             if step > 3:
                 return sign * math.inf
-        return float(brentq(beyond, log_mean, log_mean + sign * step, xtol=1e-5))
+        return float(brentq(beyond, log_mean, log_mean + sign * step, xtol=1e-4))
 
     aic = 2 * (float(best.fun) + len(start))
     mean, low, high = (math.exp(one) for one in (log_mean, end(-1), end(1)))
     return DurationFit(family.name, mean, low, high, math.exp(spread), aic, data.n)
-
-
-def _simplex(start: list[float]) -> list[list[float]]:
-    """The start and a point beside it in each direction."""
-    return [
-        start,
-        *([one - 0.1 * (k == j) for k, one in enumerate(start)] for j in range(len(start))),
-    ]
 
 
 # Operations in a log.
@@ -266,13 +261,13 @@ def stamp_error(gaps: Array) -> float:
 
 
 def fit_durations(data: Censored, seed: int = 0) -> DurationFit:
-    """The family with the least AIC, how well it describes the durations, and an empirical one."""
+    """The family with the least AIC, and how well it describes the durations."""
     fits = [fit_family(data, family) for family in FAMILIES.values()]
     best = min(fits, key=lambda fit: fit.aic)
     if best.spread and best.spread * best.mean < 2 * data.error:
         best = fits[0]  # the stamps err as much as such durations differ
     p = math.nan if best.family == "constant" else family_p(data, best, seed)
-    return best._replace(p=p, empirical=empirical_quantiles(data))
+    return best._replace(p=p)
 
 
 def family_p(data: Censored, fit: DurationFit, seed: int) -> float:

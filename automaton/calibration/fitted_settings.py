@@ -58,51 +58,59 @@ def with_unit(value: float, unit: str) -> str:
     return f"{text} {unit}"
 
 
-def _moves(fits: SiteFits, prefix: str) -> Any:
-    """The value of a `move` key: one speed, or one for each load; None: not fitted."""
+def _drive(fits: SiteFits, prefix: str) -> Settings:
+    """The speeds and the turn of the fleet, or of the type that `prefix` names."""
     speeds = {
-        load: fits.estimates.get(f"{prefix}durations.move.{load}") for load in ("empty", "loaded")
+        load: with_unit(fit.fit.value, "m/s")
+        for load in ("empty", "loaded")
+        if (fit := fits.estimates.get(f"{prefix}durations.move.{load}"))
     }
-    known = [one for one in speeds.values() if one]
-    if not known:
-        return None
-    if len(known) == 1:  # the log knows no loads, or no robot drove with one
-        return with_unit(known[0].fit.value, "m/s")
-    return {load: with_unit(one.fit.value, "m/s") for load, one in speeds.items() if one}
+    turn = _seconds(fits, prefix, "turn")
+    if not speeds:
+        return turn
+    # A single one: the log knows no loads, or no robot drove with one.
+    return {"move": speeds if len(speeds) > 1 else next(iter(speeds.values())), **turn}
+
+
+def _seconds(fits: SiteFits, prefix: str, *names: str, less: float = 0.0) -> Settings:
+    """Fitted durations, `less` some seconds."""
+    keys = {name: f"{prefix}durations.{name}" for name in names}
+    return {
+        name: with_unit(fits.estimates[key].fit.value - less, "s")
+        for name, key in keys.items()
+        if key in fits.estimates
+    }
+
+
+def _jitter(fits: SiteFits) -> float:
+    """Seconds of handling_jitter: the width of picks and drops, if all are uniform and equally wide."""
+    of_types = [fit for key, fit in fits.operations.items() if key.startswith("fleet.types.")]
+    of_fleet = [fits.operations[name] for name in ("pick", "drop") if name in fits.operations]
+    operations = of_types or of_fleet  # those of types that differ are a mixture for the fleet
+    widths = [2 * fit.mean * fit.spread for fit in operations if fit.family == "uniform"]
+    if len(widths) < max(2, len(operations)) or np.ptp(widths) >= SAME_WIDTH * max(widths):
+        return 0.0
+    return sum(widths) / len(widths)
 
 
 def _types(fits: SiteFits, fleet: Mapping[str, Any]) -> Settings:
     types = copy.deepcopy(fleet.get("types") or [])
-    is_changed = False
+    fitted: list[Settings] = []
     for entry in types:
-        prefix = f"fleet.types.{entry.get('name')}."
-        own = entry.setdefault("durations", {})
-        if move := _moves(fits, prefix):
-            own["move"] = move
+        prefix, less = f"fleet.types.{entry.get('name')}.", _jitter(fits) / 2
+        fitted.append(_drive(fits, prefix) | _seconds(fits, prefix, "pick", "drop", less=less))
+        if fitted[-1]:
+            entry["durations"] = entry.get("durations", {}) | fitted[-1]
+        if "move" in fitted[-1]:
             entry.pop("move_time_factor", None)
-            is_changed = True
-        if turn := fits.estimates.get(f"{prefix}durations.turn"):
-            own["turn"] = with_unit(turn.fit.value, "s")
-            is_changed = True
-    return {"types": types} if is_changed else {}
+    return {"types": types} if any(fitted) else {}
 
 
 def _durations(fits: SiteFits, data: Mapping[str, Any], is_empirical: bool) -> Settings:
-    out: Settings = {}
-    if move := _moves(fits, ""):
-        out["move"] = move
-    if turn := fits.estimates.get("durations.turn"):
-        out["turn"] = with_unit(turn.fit.value, "s")
-    pick, drop = (fits.operations.get(name) for name in ("pick", "drop"))
-    for name, fit in (("pick", pick), ("drop", drop)):
-        if fit:
-            out[name] = with_unit(fit.mean, "s")
-    if pick and drop and pick.family == drop.family == "uniform":
-        widths = [2 * fit.mean * fit.spread for fit in (pick, drop)]
-        if abs(widths[0] - widths[1]) < SAME_WIDTH * max(widths):
-            out["handling_jitter"] = with_unit(sum(widths) / 2, "s")
-            for name, fit in (("pick", pick), ("drop", drop)):
-                out[name] = with_unit(fit.mean - sum(widths) / 4, "s")
+    jitter = _jitter(fits)
+    out = _drive(fits, "") | _seconds(fits, "", "pick", "drop", less=jitter / 2)
+    if jitter:
+        out["handling_jitter"] = with_unit(jitter, "s")
     if handling := fits.operations.get("handling"):
         out["handling"] = _handling(handling, is_empirical)
     return out

@@ -10,12 +10,11 @@ effect on both sides.
 
 from __future__ import annotations
 
-import itertools
 from typing import Any, Final, NamedTuple
 
 import numpy as np
 
-from automaton.calibration.log_on_floor import Placed
+from automaton.calibration.log_on_floor import RobotTracks
 from automaton.calibration.state_log import MAX_GAP_MS, StateLog
 from automaton.engine.state import NIL
 from automaton.runs.headless import Sampling, run_to_end
@@ -77,18 +76,19 @@ def empty_trace(period: float, rows: int, robots: int) -> FleetTrace:
     return FleetTrace(period, cell, order, np.zeros(shape, np.bool_))
 
 
-def trace_of_log(log: StateLog, place: Placed, begin: int, period: float, rows: int) -> FleetTrace:
+def trace_of_log(
+    log: StateLog, place: RobotTracks, begin: int, period: float, rows: int
+) -> FleetTrace:
     """The trace of a log from `begin`, in milliseconds since 1970, with `rows` samples."""
     samples, robots = log.samples, len(log.robots)
     trace = empty_trace(period, rows, robots)
     times = begin + np.arange(rows) * 1000 * period
-    bounds = np.searchsorted(samples.robot, np.arange(robots + 1))
-    for robot, (first, end) in enumerate(itertools.pairwise(bounds)):
-        own = samples.time[first:end]
+    for robot, own_rows in enumerate(log.rows_of_robots()):
+        own = samples.time[own_rows]
         row = np.searchsorted(own, times + 500 * period, side="right") - 1
         age = times - own[np.maximum(row, 0)]
         known = (row >= 0) & (age <= MAX_GAP_MS + 1000 * period)
-        at = first + row[known]
+        at = own_rows.start + row[known]
         trace.cell[known, robot] = place.cell[at]
         trace.order[known, robot] = samples.order[at] - 1
         trace.load[known, robot] = samples.load[at] > 0

@@ -272,13 +272,13 @@ class LineReader:
         if unknown is not None:
             hint = nearest(unknown, CSV_COLUMNS)
             raise InputError(
-                f"--columns {unknown}=... is not possible{hint}; use {alternatives(CSV_COLUMNS)}"
+                f"--column {unknown}=... is not possible{hint}; use {alternatives(CSV_COLUMNS)}"
             )
         columns = {name: self.columns.get(name, name) for name in CSV_COLUMNS}
         for name, column in columns.items():
             if column not in head and (name in REQUIRED or name in self.columns):
                 known = [one for one in head if one.isprintable()][:MAX_SHOWN]
-                hint = "" if name in self.columns else f"; use --columns {name}=NAME"
+                hint = "" if name in self.columns else f"; use --column {name}=NAME"
                 text = f"there is no column '{column}'{nearest(column, known)}{hint}"
                 raise InputError(f"{text}; the columns are {', '.join(known)}", file, 1)
         return {name: head.index(column) for name, column in columns.items() if column in head}

@@ -11,13 +11,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, Final, NamedTuple
 
 import numpy as np
 
 from automaton.calibration.state_log import Samples, StateLog
 from automaton.errors import InputError
-from automaton.floor.floor_plan import DIRECTION_VECTORS, NIL, FloorPlan
+from automaton.floor.floor_plan import DIRECTION_VECTORS, EAST, NIL, NORTH, SOUTH, WEST, FloorPlan
 from automaton.scenario.schema import Units
 from automaton.units import LENGTH_UNITS, percent
 
@@ -33,20 +35,136 @@ MIN_CELLS: Final = 20  # that robots visit, if another unit fits
 SAME_FIT: Final = 1e-6  # difference of shares that counts as none
 FAR_M: Final = 1e9  # beyond every site
 QUARTER: Final = math.pi / 2
+CELLS_AHEAD: Final = 4  # in which another robot obstructs
+LATERAL: Final = 0.15  # cells; a straight pair does not move farther aside
+STILL: Final = 0.15  # cells; noise of positions moves a standing robot less far
 UNIT_NAMES: Final = {"mm": "millimetres", "cm": "centimetres", "ft": "feet", "in": "inches"}
 
 
-class Placed(NamedTuple):
-    """Where the robot of each message is: in `cell`, or on the way to `to_cell`."""
+@dataclass(frozen=True)
+class RobotTracks:
+    """A log on its floor, a row for each message: the form that observed runs, fits and comparisons read.
 
+    The robot of a message is in `cell`, or on the way to `to_cell`. Distances are in cells.
+    """
+
+    log: StateLog
     cell: Array  # (n,) int64 flat cell; NIL: not on the floor, or not known
     to_cell: Array  # (n,) int64 flat cell that it drives to; NIL at a centre
     share: Array  # (n,) float64 completed share of the way there, 0 to 1
     heading: Array  # (n,) int8 0 to 3, clockwise from east on the screen; NIL: not known
     off_floor: int  # positions off the floor
+    stride: int  # of the floor
+
+    def part(self, rows: Array) -> RobotTracks:
+        """Some of the messages; `rows`: sorted."""
+        cell, to_cell, share, heading = (
+            one[rows] for one in (self.cell, self.to_cell, self.share, self.heading)
+        )
+        log = self.log.part(rows)
+        return RobotTracks(log, cell, to_cell, share, heading, self.off_floor, self.stride)
+
+    @cached_property
+    def seconds(self) -> Array:
+        """(n,) float64 since 1970."""
+        out: Array = self.log.samples.time / 1000
+        return out
+
+    @cached_property
+    def elapsed(self) -> Array:
+        """(n,) seconds to the next message."""
+        return np.append(np.diff(self.seconds), 0.0)
+
+    @cached_property
+    def place(self) -> Array:
+        """(2, n) float64: columns and rows from the first cell; nan: not on the floor."""
+        at, to = (
+            np.stack(np.divmod(one, self.stride)[::-1])
+            for one in (self.cell, np.where(self.to_cell == NIL, self.cell, self.to_cell))
+        )
+        out: Array = np.where(self.cell != NIL, at - 1 + self.share * (to - at), np.nan)
+        return out
+
+    @cached_property
+    def step(self) -> Array:
+        """(2, n) cells to the place of the next message."""
+        return np.diff(self.place, append=self.place[:, -1:])
+
+    @cached_property
+    def loaded(self) -> Array:
+        """(n,) bool."""
+        out: Array = self.log.samples.load > 0
+        return out
+
+    @cached_property
+    def acts(self) -> Array:
+        """(n,) bool: an operation, a charger or an error keeps the robot."""
+        samples = self.log.samples
+        out: Array = (samples.action > 0) | (samples.charging == 1) | samples.down
+        return out
+
+    @cached_property
+    def driving(self) -> Array:
+        """(n,) bool."""
+        out: Array = self.log.samples.driving != 0
+        return out
+
+    @cached_property
+    def usable(self) -> Array:
+        """(n,) bool: of this message and the next."""
+        known = self.cell != NIL
+        out: Array = self.log.usable & known & np.append(known[1:], False)
+        return out
+
+    @cached_property
+    def gap(self) -> float:
+        """The median time between two messages of a robot; nan without pairs."""
+        gaps = self.elapsed[self.usable]
+        return float(np.median(gaps)) if len(gaps) else math.nan
+
+    @cached_property
+    def near(self) -> Array:
+        """(n,) bool: another robot is in one of the cells ahead, or beside these, at about this time.
+
+        Ahead is where a robot drives to until its next message; the heading decides if it stands.
+        """
+        if math.isnan(self.gap):
+            return np.zeros(len(self.cell), np.bool_)
+        bins = np.round((self.seconds - self.seconds.min()) / self.gap).astype(np.int64)
+        x, y = np.round(np.nan_to_num(self.place, nan=-64.0)).astype(np.int64) + 64
+        width, height = int(x.max()) + 64, int(y.max()) + 64
+        occupied = np.unique((bins * width + x) * height + y)
+        across, down = np.where(self.usable, np.nan_to_num(self.step), 0)
+        along_x = abs(across) >= abs(down)
+        travel = np.where(
+            along_x, np.where(across > 0, EAST, WEST), np.where(down > 0, SOUTH, NORTH)
+        )
+        way = np.where(np.maximum(abs(across), abs(down)) > STILL, travel, self.heading)
+        dx, dy = np.array(DIRECTION_VECTORS, np.int64).T[:, way]
+        out = np.zeros(len(self.cell), np.bool_)
+        for ahead in range(1, CELLS_AHEAD + 1):
+            for aside in (-1, 0, 1):
+                cells_x, cells_y = x + ahead * dx - aside * dy, y + ahead * dy + aside * dx
+                key = (bins * width + cells_x) * height + cells_y
+                at = np.searchsorted(occupied[:-1], key)
+                out |= occupied[at] == key
+        return out
+
+    @cached_property
+    def free(self) -> Array:
+        """(n,) bool: nothing but a straight drive lies between this message and the next, in motion at
+        both, without a robot ahead."""
+        with np.errstate(invalid="ignore"):
+            in_line = abs(self.step).min(axis=0) < LATERAL
+        out: Array = self.usable & (self.elapsed > 0) & in_line
+        for one in (self.heading, self.loaded):
+            out &= np.append(one[:-1] == one[1:], False)
+        moves = self.driving & ~self.near & ~self.acts
+        out &= moves & np.append(moves[1:], False)
+        return out
 
 
-def placed(log: StateLog, floor_plan: FloorPlan, units: Units, snap: float = SNAP_M) -> Placed:
+def placed(log: StateLog, floor_plan: FloorPlan, units: Units, snap: float = SNAP_M) -> RobotTracks:
     """The place of each message; `snap`: distance from a centre, in metres, that counts as none.
 
     Raises InputError if too many positions are off the floor, or if a cell has no size.
@@ -60,24 +178,26 @@ def placed(log: StateLog, floor_plan: FloorPlan, units: Units, snap: float = SNA
     inside = known & (near_column >= 0) & (near_column < floor_plan.stride)
     inside &= (near_row >= 0) & (near_row < floor_plan.height + 2)
     cell = np.where(inside, near_row * floor_plan.stride + near_column, 0).astype(np.int64)
-    mask = standable(floor_plan)
-    on_floor = inside & mask[cell]
+    on_floor = inside & standable(floor_plan)[cell]
     off_floor = int(known.sum() - on_floor.sum())
     if off_floor > MAX_OFF_FLOOR * known.sum():
         fit = _nearest_fit(samples, floor_plan, metres)
         off = percent(off_floor / int(known.sum()))
         raise InputError(f"{off} of the positions are not on the floor; {fit}")
+    cell = np.where(on_floor, cell, NIL)
     heading = _headings(samples.theta - math.radians(units.rotation))
     offset = column - near_column, row - near_row
-    way, share = _edges(np.where(on_floor, cell, NIL), offset, snap / metres, floor_plan)
+    way, share = _edges(cell, offset, snap / metres, floor_plan)
     to_cell = np.where(way == NIL, NIL, cell + np.array(floor_plan.offsets)[way])
     back = (way != NIL) & (_drives_along(way, heading, (column, row), log.usable) < 0)
-    return Placed(
-        np.where(back, to_cell, np.where(on_floor, cell, NIL)),
+    return RobotTracks(
+        log,
+        np.where(back, to_cell, cell),
         np.where(back, cell, to_cell),
         np.where(back, 1 - share, share),
         heading,
         off_floor,
+        floor_plan.stride,
     )
 
 

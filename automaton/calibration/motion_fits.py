@@ -15,45 +15,19 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 
-from automaton.calibration.log_on_floor import Placed
-from automaton.calibration.state_log import StateLog
-from automaton.floor.floor_plan import DIRECTION_VECTORS, EAST, NIL, NORTH, SOUTH, WEST, FloorPlan
+from automaton.calibration.log_on_floor import RobotTracks
+from automaton.floor.floor_plan import NIL
 
 Array = np.ndarray[Any, Any]
 
-CELLS_AHEAD: Final = 4  # in which another robot obstructs
 WINDOW_S: Final = 5.0  # over which a speed is taken if possible: stamps err by tenths of a second
 SLOWEST: Final = 1e-3  # cells per second
 ENOUGH_WINDOWS, MANY_WINDOWS = 100, 300
-LATERAL: Final = 0.15  # cells; a straight pair does not move farther aside
-STILL: Final = 0.15  # cells; noise of positions moves a standing robot less far
 CORE: Final = 2.5  # standard deviations beyond which slow pairs were obstructed
 LEVEL: Final = 0.95
-
-
-class RobotTracks(NamedTuple):
-    """A log on its floor: a row for each message."""
-
-    robot: Array  # (n,) int32
-    seconds: Array  # (n,) float64
-    column: Array  # (n,) float64: cells to the right of the first cell; nan: not on the floor
-    row: Array  # (n,) float64: cells below the first cell
-    heading: Array  # (n,) int8: direction, clockwise from east
-    loaded: Array  # (n,) bool
-    acts: Array  # (n,) bool: an operation, a charger or an error keeps the robot
-    driving: Array  # (n,) bool
-    near: Array  # (n,) bool: another robot is ahead
-    usable: Array  # (n,) bool: of this message and the next
-
-
-class MessagePairs(NamedTuple):
-    """A row for each message and the next."""
-
-    seconds: Array  # (n,)
-    across: Array  # (n,) cells to the right
-    down: Array  # (n,) cells down
-    straight: Array  # (n,) bool: nothing but a straight drive may lie between
-    free: Array  # (n,) bool: straight, in motion at both messages, without a robot ahead
+# Relative error of a speed through obstructions that no message shows. In calibration_trials.py, 95 %
+# of 80 speeds of 20 sites err by less than 1.2 %, most of them downwards.
+UNSEEN: Final = 0.01
 
 
 class FittedValue(NamedTuple):
@@ -68,122 +42,46 @@ class FittedValue(NamedTuple):
         """The same in another unit."""
         return FittedValue(self.value * factor, self.low * factor, self.high * factor, self.n)
 
-
-def track_of(log: StateLog, placed: Placed, floor_plan: FloorPlan) -> RobotTracks:
-    """The log of robots with the place of each message."""
-    samples, cell = log.samples, placed.cell
-    row, column = np.divmod(cell, floor_plan.stride)
-    to_row, to_column = np.divmod(
-        np.where(placed.to_cell == NIL, cell, placed.to_cell), floor_plan.stride
-    )
-    known = cell != NIL
-    column = np.where(known, column - 1 + placed.share * (to_column - column), np.nan)
-    row = np.where(known, row - 1 + placed.share * (to_row - row), np.nan)
-    seconds = samples.time / 1000
-    usable = log.usable & known & np.append(known[1:], False)
-    return RobotTracks(
-        robot=samples.robot,
-        seconds=seconds,
-        column=column,
-        row=row,
-        heading=placed.heading,
-        loaded=samples.load > 0,
-        acts=(samples.action > 0) | (samples.charging == 1) | samples.down,
-        driving=samples.driving != 0,
-        near=robots_ahead(seconds, usable, column, row, placed.heading),
-        usable=usable,
-    )
+    def with_unseen(self) -> FittedValue:
+        """The same with an interval that allows for obstructions that no message shows."""
+        value, error = self.value, UNSEEN * self.value
+        ends = (math.hypot(value - self.low, error), math.hypot(self.high - value, error))
+        return FittedValue(value, value - ends[0], value + ends[1], self.n)
 
 
-def message_gap(seconds: Array, usable: Array) -> float:
-    """The median time between two messages of a robot; nan without pairs."""
-    gaps = np.diff(seconds)[usable[:-1]]
-    return float(np.median(gaps)) if len(gaps) else math.nan
-
-
-def robots_ahead(seconds: Array, usable: Array, column: Array, row: Array, heading: Array) -> Array:
-    """(n,) bool: another robot is in one of the cells ahead, or beside these, at about this time.
-
-    Ahead is where a robot drives to until its next message; the heading decides if it stands.
-    """
-    gap = message_gap(seconds, usable)
-    if math.isnan(gap):
-        return np.zeros(len(seconds), bool)
-    bins = np.round((seconds - seconds.min()) / gap).astype(np.int64)
-    x = np.round(np.nan_to_num(column, nan=-64.0)).astype(np.int64) + 64
-    y = np.round(np.nan_to_num(row, nan=-64.0)).astype(np.int64) + 64
-    width, height = int(x.max()) + 64, int(y.max()) + 64
-    occupied = np.unique((bins * width + x) * height + y)
-    vectors = np.asarray(DIRECTION_VECTORS, np.int64).T
-    across, down = (
-        np.where(usable, np.nan_to_num(np.diff(one, append=one[-1:])), 0) for one in (column, row)
-    )
-    along_x = abs(across) >= abs(down)
-    travel = np.where(along_x, np.where(across > 0, EAST, WEST), np.where(down > 0, SOUTH, NORTH))
-    dx, dy = vectors[:, np.where(np.maximum(abs(across), abs(down)) > STILL, travel, heading)]
-    out = np.zeros(len(seconds), bool)
-    for ahead in range(1, CELLS_AHEAD + 1):
-        for aside in (-1, 0, 1):
-            cells_x, cells_y = x + ahead * dx - aside * dy, y + ahead * dy + aside * dx
-            out |= np.isin((bins * width + cells_x) * height + cells_y, occupied)
-    return out
-
-
-def pairs_of(track: RobotTracks) -> MessagePairs:
-    """What lies between each message and the next."""
-    seconds, across, down = (
-        np.append(np.diff(one), 0.0) for one in (track.seconds, track.column, track.row)
-    )
-
-    def both(one: Array) -> Array:
-        return np.append(one[:-1] & one[1:], False)
-
-    def alike(one: Array) -> Array:
-        return np.append(one[:-1] == one[1:], False)
-
-    with np.errstate(invalid="ignore"):
-        in_line = np.minimum(abs(across), abs(down)) < LATERAL
-    straight = track.usable & (seconds > 0) & in_line & alike(track.heading)
-    straight &= alike(track.loaded) & both(~track.acts)
-    return MessagePairs(
-        seconds, across, down, straight, straight & both(track.driving & ~track.near)
-    )
-
-
-def speed_windows(track: RobotTracks, pairs: MessagePairs, chosen: Array) -> Array:
-    """Speeds over runs of free pairs, in windows of WINDOW_S and what remains of a run.
+def speed_windows(track: RobotTracks, chosen: Array) -> tuple[Array, Array]:
+    """Speeds over runs of free pairs, in windows of WINDOW_S and what remains of a run, and their robots.
 
     Pairs at the ends of a run are left out where there are enough others: the robot may have stood there.
     """
-    free = pairs.free & chosen
-    gap = message_gap(track.seconds, track.usable)
-    if gap < WINDOW_S / 2:
+    free = track.free & chosen
+    if track.gap < WINDOW_S / 2:
         inner = free & np.roll(free, 1) & np.roll(free, -1)
-        for chosen_pairs, least, enough in (
-            (inner, gap, MANY_WINDOWS),
-            (free, 2 * gap, ENOUGH_WINDOWS),
+        for pairs, least, enough in (
+            (inner, track.gap, MANY_WINDOWS),
+            (free, 2 * track.gap, ENOUGH_WINDOWS),
         ):
-            out = _windows(pairs, chosen_pairs, least)
-            if len(out) >= enough:
-                return out
-    return _windows(pairs, free, gap)
+            speeds, robots = _windows(track, pairs, least)
+            if len(speeds) >= enough:
+                return speeds, robots
+    return _windows(track, free, track.gap)
 
 
-def _windows(pairs: MessagePairs, free: Array, least: float) -> Array:
-    """Speeds over windows of at least about `least` seconds."""
+def _windows(track: RobotTracks, free: Array, least: float) -> tuple[Array, Array]:
+    """Speeds and robots of windows of at least about `least` seconds."""
     run = np.cumsum(np.append(True, ~(free[1:] & free[:-1])))[free]
     if not len(run):
-        return np.zeros(0)
-    seconds = pairs.seconds[free]
-    begin = np.flatnonzero(np.append(True, run[1:] != run[:-1]))
+        return np.zeros(0), np.zeros(0, np.int64)
+    seconds = track.elapsed[free]
+    begin = np.flatnonzero(np.diff(run, prepend=0))
     before = np.cumsum(seconds) - seconds
-    since = before - np.repeat(before[begin], np.diff(np.append(begin, len(run))))
+    since = before - np.repeat(before[begin], np.diff(begin, append=len(run)))
     window = np.floor(since / WINDOW_S)
-    first = np.flatnonzero(np.append(True, (run[1:] != run[:-1]) | (window[1:] != window[:-1])))
+    first = np.flatnonzero((np.diff(run, prepend=0) != 0) | (np.diff(window, prepend=0) != 0))
     time = np.add.reduceat(seconds, first)
-    way = sum(abs(np.add.reduceat(one[free], first)) for one in (pairs.across, pairs.down))
-    out: Array = (way / time)[time >= 0.8 * least]
-    return out
+    way = abs(np.add.reduceat(track.step[:, free], first, axis=1)).sum(axis=0)
+    is_long = time >= 0.8 * least
+    return (way / time)[is_long], track.log.samples.robot[free][first][is_long]
 
 
 def core(values: Array, sign: int = 1) -> Array:
@@ -210,7 +108,8 @@ def usual_speed(speeds: Array) -> FittedValue:
     These are named by their time for a cell: errors of stamps are symmetric in it, not in the speed.
     """
     slowness = median_fit(core(1 / np.maximum(speeds, SLOWEST), -1))
-    return FittedValue(1 / slowness.value, 1 / slowness.high, 1 / slowness.low, slowness.n)
+    ends = 1 / slowness.high, 1 / slowness.low
+    return FittedValue(1 / slowness.value, *ends, slowness.n).with_unseen()
 
 
 def median_fit(values: Array, level: float = LEVEL) -> FittedValue:
@@ -224,31 +123,35 @@ def median_fit(values: Array, level: float = LEVEL) -> FittedValue:
     return FittedValue(float(np.median(ordered)), float(low), float(high), n)
 
 
-class Corners(NamedTuple):
-    """Turns by 90 degrees between two straight drives; a row for each."""
+class Drives(NamedTuple):
+    """What lies between each message in motion and the next one in motion; a row for each."""
 
-    message: Array  # (k,) last message before the turn
-    seconds: Array  # (k,) time beyond that of the path at the usual speed
+    message: Array  # (k,) the first
+    seconds: Array  # (k,) between both
+    late: Array  # (k,) seconds beyond those of the path at the usual speed; 0 unless free
+    free: Array  # (k,) bool: all messages are usable, nothing kept the robot, its load is the same
+    turns: Array  # (k,) how often the heading changes
+    quarters: Array  # (k,) by which it has changed at the end, 0 to 3
 
 
-def corners_of(track: RobotTracks, cells_per_second: Array) -> Corners:
-    """Turns without an operation or a robot ahead; `cells_per_second`: (n,) usual speed at a message."""
-    moving = np.flatnonzero(track.driving & ~np.isnan(track.column))
+def drives_of(track: RobotTracks, cells_per_second: Array, keeps: Array) -> Drives:
+    """The drives; `cells_per_second`, `keeps`: (n,) usual speed, and whether something keeps a robot."""
+    moving = np.flatnonzero(track.driving & (track.cell != NIL))
     first, last = moving[:-1], moving[1:]
     broken = np.cumsum(np.append(0, ~track.usable[:-1]))
-    busy = np.cumsum(np.append(0, track.acts | track.near))
-    turned = (track.heading[last] - track.heading[first]) % 4
-    changes = np.append(0, np.cumsum(track.heading[1:] != track.heading[:-1]))
-    free = (
-        (broken[last] == broken[first])
-        & (busy[last + 1] == busy[first])
-        & (turned % 2 == 1)
-        & (changes[last] - changes[first] == 1)
-        & (track.loaded[first] == track.loaded[last])
-        & (cells_per_second[first] > 0)
-    )
-    first, last = first[free], last[free]
-    way = sum(abs(one[last] - one[first]) for one in (track.column, track.row))
-    beyond = track.seconds[last] - track.seconds[first] - way / cells_per_second[first]
-    known = ~np.isnan(beyond)
-    return Corners(first[known], beyond[known])
+    busy = np.cumsum(np.append(0, keeps))
+    changes = np.append(0, np.cumsum(np.diff(track.heading) != 0))
+    free = (broken[last] == broken[first]) & (busy[last + 1] == busy[first])
+    free &= (track.loaded[first] == track.loaded[last]) & (cells_per_second[first] > 0)
+    seconds = track.seconds[last] - track.seconds[first]
+    way = abs(track.place[:, last] - track.place[:, first]).sum(axis=0)
+    late = np.where(free, seconds - way / np.where(free, cells_per_second[first], 1), 0.0)
+    quarters = (track.heading[last] - track.heading[first]) % 4
+    return Drives(first, seconds, late, free, changes[last] - changes[first], quarters)
+
+
+def corners_of(track: RobotTracks, cells_per_second: Array) -> tuple[Array, Array]:
+    """Messages before turns by 90 degrees, without an operation or a robot ahead; their seconds."""
+    drives = drives_of(track, cells_per_second, track.acts | track.near)
+    chosen = drives.free & (drives.turns == 1) & (drives.quarters % 2 == 1)
+    return drives.message[chosen], drives.late[chosen]

@@ -7,7 +7,6 @@ released when it is first named. It has no decisions and no digests.
 from __future__ import annotations
 
 import datetime
-import re
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final, NamedTuple
@@ -21,10 +20,9 @@ from automaton.calibration.robot_timelines import (
     RobotTimeline,
     Ways,
     absent_robot,
-    rows_of_robots,
     timeline_of,
 )
-from automaton.calibration.state_log import StateLog
+from automaton.calibration.state_log import StateLog, numbers_of_robots
 from automaton.engine.state import NIL, Array
 from automaton.errors import InputError
 from automaton.recording.contents import LAST_TICK
@@ -65,11 +63,16 @@ class ObservedRun(NamedTuple):
 def write_observed_run(log: StateLog, resolved: Resolved, path: Path) -> ObservedRun:
     """Write a log as a recording. Raises InputError."""
     resolved = resolved.unrefined
-    place = placed(log, resolved.floor_plan, resolved.scenario.units)
+    track = placed(log, resolved.floor_plan, resolved.scenario.units)
     begin, tick_ms = _time_of_tick_0(log, resolved.scenario.units)
     tick = np.rint((log.samples.time - begin) / tick_ms).astype(np.int64)
     robots, ticks = resolved.scenario.fleet.robots, int(tick.max())
-    numbers = _numbers_of_robots(log, robots)
+    if len(log.robots) > robots:
+        raise InputError(
+            f"the log has {count(len(log.robots), 'robot')}, but the scenario only {robots:,}; set "
+            f"fleet.robots={len(log.robots)}"
+        )
+    numbers = numbers_of_robots(log.robots, robots).tolist()
     if ticks > MAX_OBSERVED_TICKS or ticks * robots > MAX_ROBOT_TICKS:
         days = (int(log.samples.time.max()) - begin) / DAY_MS
         raise InputError(
@@ -80,7 +83,7 @@ def write_observed_run(log: StateLog, resolved: Resolved, path: Path) -> Observe
     resolved = _observed(resolved, demand, log, begin)
     durations = resolved.scenario.durations
     fleet = ObservedFleet(
-        *(log, place, tick, demand.order, demand.load, Ways(resolved.floor_plan)),
+        *(track, tick, demand.order, demand.load, Ways(resolved.floor_plan)),
         *(durations.turns[0], durations.moves, max(ticks, 1)),
     )
     lines = _timelines(fleet, numbers, robots)
@@ -96,7 +99,7 @@ def write_observed_run(log: StateLog, resolved: Resolved, path: Path) -> Observe
     with ObservedRecorder(path, resolved, observed) as file:
         file.write_ticks(np.stack([line.executed for line in lines], axis=1), changes[at_start:])
     jumps = sum(line.jumps for line in lines)
-    return ObservedRun(file.shown, len(log.robots), jumps, place.off_floor, demand.left_out)
+    return ObservedRun(file.shown, len(log.robots), jumps, track.off_floor, demand.left_out)
 
 
 def _time_of_tick_0(log: StateLog, units: Units) -> tuple[int, float]:
@@ -109,27 +112,6 @@ def _time_of_tick_0(log: StateLog, units: Units) -> tuple[int, float]:
     if 0 <= first - begin < DAY_MS:
         return begin, tick_ms
     return first // 1000 * 1000, tick_ms
-
-
-def _numbers_of_robots(log: StateLog, robots: int) -> list[int]:
-    """The number in the run of each robot of the log: its name, if all are numbers of the fleet."""
-    if len(log.robots) > robots:
-        raise InputError(
-            f"the log has {count(len(log.robots), 'robot')}, but the scenario only {robots:,}; set "
-            f"fleet.robots={len(log.robots)}"
-        )
-    if all(
-        name.isdecimal() and int(name) < robots and name == str(int(name)) for name in log.robots
-    ):
-        return [int(name) for name in log.robots]
-    ranks = sorted(range(len(log.robots)), key=lambda one: _natural(log.robots[one]))
-    return [rank for _, rank in sorted(zip(ranks, range(len(ranks)), strict=True))]
-
-
-def _natural(name: str) -> list[Any]:
-    """A key that sorts "agv-10" behind "agv-9"."""
-    parts = re.split(r"([0-9]+)", name)
-    return [int(part) if number % 2 else part for number, part in enumerate(parts)]
 
 
 def names_of(log: StateLog, numbers: list[int], robots: int) -> tuple[str, ...]:
@@ -216,7 +198,7 @@ def _observed(resolved: Resolved, demand: ObservedDemand, log: StateLog, begin: 
 def _timelines(fleet: ObservedFleet, numbers: list[int], robots: int) -> list[RobotTimeline]:
     """The timeline of each robot of the run."""
     lines = [absent_robot(fleet.ticks)] * robots
-    for number, rows in zip(numbers, rows_of_robots(fleet.log), strict=True):
+    for number, rows in zip(numbers, fleet.track.log.rows_of_robots(), strict=True):
         lines[number] = timeline_of(fleet, rows)
     return lines
 

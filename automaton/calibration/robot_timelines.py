@@ -12,14 +12,13 @@ from __future__ import annotations
 
 from bisect import bisect_left, bisect_right
 from collections import deque
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from itertools import pairwise
 from typing import Final, NamedTuple
 
 import numpy as np
 
-from automaton.calibration.log_on_floor import Placed, standable
-from automaton.calibration.state_log import StateLog
+from automaton.calibration.log_on_floor import RobotTracks, standable
 from automaton.engine.record_codes import (
     CHANGE_DURATION,
     CHANGE_SEEN_CELL,
@@ -125,8 +124,7 @@ class Ways:
 class ObservedFleet(NamedTuple):
     """What the timelines of all robots need."""
 
-    log: StateLog
-    place: Placed
+    track: RobotTracks
     tick: Array  # (n,) of each message
     order: Array  # (n,) order of the run that the robot works on, or NIL
     load: Array  # (n,) order of the run whose load it carries, or NIL
@@ -168,22 +166,23 @@ class _Line:
     """The timeline of a robot in the making; arrays are (m,), of its messages."""
 
     def __init__(self, fleet: ObservedFleet, rows: slice) -> None:
-        samples, place = fleet.log.samples, fleet.place
+        track, samples = fleet.track, fleet.track.log.samples
         ticks = fleet.tick[rows]
         last = np.append(np.flatnonzero(np.diff(ticks)), len(ticks) - 1)  # of each tick
         self.fleet, self.ways = fleet, fleet.ways
         self.tick = ticks[last]
-        self.cell, self.to_cell, self.share, self.heading = (
-            array[rows][last] for array in place[:4]
-        )
+        self.end = np.append(self.tick[1:], self.tick[-1] + 1)  # until the next message
         stamps = samples.time[rows]
-        joined = fleet.log.usable[rows] | (np.diff(stamps, append=stamps[-1:]) == 0)
+        joined = track.log.usable[rows] | (np.diff(stamps, append=stamps[-1:]) == 0)
         self.usable = np.logical_and.reduceat(joined, last)
-        self.down, self.action, self.action_id = (
-            getattr(samples, name)[rows][last] for name in ("down", "action", "action_id")
+        self.cell, self.to_cell, self.share, self.heading, self.order, self.load = (
+            one[rows][last]
+            for one in (track.cell, track.to_cell, track.share, track.heading, *fleet[2:4])
         )
-        self.charge, self.charging = samples.charge[rows][last], samples.charging[rows][last]
-        self.order, self.load = fleet.order[rows][last], fleet.load[rows][last]
+        self.down, self.action, self.action_id, self.charge, self.charging = (
+            getattr(samples, name)[rows][last]
+            for name in ("down", "action", "action_id", "charge", "charging")
+        )
         self.executed = np.zeros(fleet.ticks + 1, np.uint16)
         self.free = np.ones(fleet.ticks + 1, np.bool_)  # ticks without an action
         self.changes: list[tuple[int, int, int]] = []
@@ -306,13 +305,12 @@ class _Line:
 
     def enter_operations(self) -> None:
         """Enter picks, drops and stops; a load that comes or goes is a pick or a drop."""
-        ends = np.append(self.tick[1:], self.tick[-1] + 1)
         runs = np.flatnonzero(np.diff(self.action_id, prepend=0))
         for run, first in enumerate(runs.tolist()):
             if not self.action[first]:
                 continue
-            last = int(runs[run + 1]) - 1 if run + 1 < len(runs) else len(ends) - 1
-            self.operations.append((int(self.tick[first]), int(ends[last]) - 1))
+            last = int(runs[run + 1]) - 1 if run + 1 < len(runs) else len(self.end) - 1
+            self.operations.append((int(self.tick[first]), int(self.end[last]) - 1))
         changed = np.flatnonzero(np.diff(self.load, prepend=-2))
         firsts = [first for first, _ in self.operations]
         latest = np.searchsorted(firsts, self.tick[changed], "right")
@@ -371,9 +369,8 @@ class _Line:
 
     def enter_charging(self) -> None:
         """Enter the free ticks in which the robot charges."""
-        ends = np.append(self.tick[1:], self.tick[-1] + 1)
         for row in np.flatnonzero(self.charging == 1).tolist():
-            ticks = np.arange(self.tick[row], ends[row])
+            ticks = np.arange(self.tick[row], self.end[row])
             self._fill(ticks, np.full(len(ticks), EXECUTED_CHARGE, np.uint16))
 
     def _fill(self, ticks: Array, codes: Array) -> None:
@@ -407,18 +404,11 @@ class _Line:
         """Enter the ticks in which a robot with an order stands and will drive on."""
         begins = np.array([tick for tick, _ in self.moves], np.int64)
         ways = np.array([way for _, way in self.moves], np.int64)
-        ends = np.append(self.tick[1:], self.tick[-1] + 1)
         for row in np.flatnonzero(self.down).tolist():
-            self.free[self.tick[row] : ends[row]] = False
+            self.free[self.tick[row] : self.end[row]] = False
         for first, last, task in self._tasks():
             ticks = np.arange(max(first, 1), last)
             following = np.searchsorted(begins, ticks)
             goes_on = (following < np.searchsorted(begins, last)) & task
             codes = EXECUTED_BLOCKED | ways[following[goes_on]] << WAY_SHIFT
             self._fill(ticks[goes_on], codes.astype(np.uint16))
-
-
-def rows_of_robots(log: StateLog) -> Sequence[slice]:
-    """The rows of each robot."""
-    firsts = np.searchsorted(log.samples.robot, np.arange(len(log.robots) + 1))
-    return [slice(int(one), int(other)) for one, other in pairwise(firsts)]

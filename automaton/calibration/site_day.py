@@ -18,8 +18,8 @@ import msgspec
 import numpy as np
 
 from automaton.calibration.fleet_trace import FleetTrace, trace_of_log
-from automaton.calibration.log_on_floor import Placed, placed
-from automaton.calibration.state_log import StateLog, read_log
+from automaton.calibration.log_on_floor import RobotTracks, placed
+from automaton.calibration.state_log import StateLog, numbers_of_robots, read_log
 from automaton.errors import InputError
 from automaton.floor.floor_plan import CELL_KINDS, NIL, FloorPlan
 from automaton.floor.reachability import slot_access
@@ -124,10 +124,10 @@ class LoggedDay(NamedTuple):
 
     date: str
     log: StateLog
-    place: Placed
+    place: RobotTracks
 
 
-def parts_of(log: StateLog, place: Placed, ahead: int) -> Iterator[LoggedDay]:
+def parts_of(log: StateLog, place: RobotTracks, ahead: int) -> Iterator[LoggedDay]:
     """Yield the days of a log; `ahead`: milliseconds by which the site is ahead of UTC."""
     time = log.samples.time
     if time.max() - time.min() <= 1000 * MAX_DAY_S:
@@ -138,13 +138,8 @@ def parts_of(log: StateLog, place: Placed, ahead: int) -> Iterator[LoggedDay]:
         rows = np.flatnonzero(number == day)
         if np.ptp(time[rows]) < 1000 * MIN_DAY_S:
             continue
-        part = log._replace(
-            samples=type(log.samples)(*(column[rows] for column in log.samples)),
-            usable=log.usable[rows] & (np.diff(rows, append=NIL) == 1),
-        )
-        columns = {name: value[rows] for name, value in place._asdict().items() if np.ndim(value)}
         date = f"{EPOCH + datetime.timedelta(days=day):%Y-%m-%d}"
-        yield LoggedDay(date, part, place._replace(**columns))
+        yield LoggedDay(date, log.part(rows), place.part(rows))
 
 
 def day_of(
@@ -205,7 +200,7 @@ def with_changes(site: ComparedSite, day: SiteDay, changes: Sequence[str]) -> Re
     return resolve(site.scenario, (*site.settings, *changes, *day.own), site.seed)
 
 
-def first_states(log: StateLog, place: Placed, robots: int) -> tuple[Array, Array]:
+def first_states(log: StateLog, place: RobotTracks, robots: int) -> tuple[Array, Array]:
     """(n,) int32 cell and (n,) percent of charge of each robot of the scenario when it is first in the
     log; NIL and nan: not known.
 
@@ -214,9 +209,7 @@ def first_states(log: StateLog, place: Placed, robots: int) -> tuple[Array, Arra
     cells, charges = np.full(robots, NIL, np.int32), np.full(robots, np.nan)
     if len(log.robots) != robots:
         return cells, charges
-    numbers = np.argsort(np.argsort(np.array(log.robots)))
-    if all(name.isdecimal() and int(name) < robots for name in log.robots):
-        numbers = np.array([int(name) for name in log.robots])
+    numbers = numbers_of_robots(log.robots, robots)
     for known, out, values in (
         (place.cell != NIL, cells, place.cell),
         (np.isfinite(log.samples.charge), charges, log.samples.charge),
@@ -365,7 +358,7 @@ CompleteOrder = tuple[OrderEnds, list[dict[str, Any]]]  # the entries of the sec
 
 
 def recovered_orders(
-    log: StateLog, place: Placed, floor_plan: FloorPlan, begin: int, tick: float
+    log: StateLog, place: RobotTracks, floor_plan: FloorPlan, begin: int, tick: float
 ) -> DayOrders:
     """The orders that a log shows from their beginning to their end. Raises InputError for too few."""
     gives, takes = slots_at(floor_plan)
@@ -425,7 +418,7 @@ def orders_in(log: StateLog) -> int:
 
 
 def recovered_lines(
-    site: ComparedSite, log: StateLog, place: Placed, begin: int, tick: float
+    site: ComparedSite, log: StateLog, place: RobotTracks, begin: int, tick: float
 ) -> DayOrders:
     """The trips of pods that a log shows completely, with a line for each visit of a station.
 
@@ -445,7 +438,7 @@ class Visits:
     """Where robots are served with their pods: in the cells of stations, by an action if the log has
     any there, else where they stand for two messages."""
 
-    def __init__(self, log: StateLog, place: Placed, base: Resolved) -> None:
+    def __init__(self, log: StateLog, place: RobotTracks, base: Resolved) -> None:
         number = np.zeros(base.floor_plan.kind.size + 1, np.int64)  # the last: not known
         number[base.floor_plan.stations] = np.arange(len(base.floor_plan.stations)) + 1
         self.station = np.where(log.samples.load > 0, number[place.cell], 0)
@@ -465,7 +458,7 @@ class Visits:
         return numbers
 
 
-def pods_of_loads(log: StateLog, place: Placed, base: Resolved) -> dict[int, int]:
+def pods_of_loads(log: StateLog, place: RobotTracks, base: Resolved) -> dict[int, int]:
     """The number from 1 of the pod of each load: of the pod in the cell where the load first appears,
     else of its name. Pods of a day need not stand where those of the scenario do."""
     cells = pod_cells(base.scenario, base.floor_plan)
@@ -507,14 +500,14 @@ def ends_of_orders(log: StateLog) -> Iterator[tuple[int, OrderEnds]]:
                 yield code - 1, OrderEnds(*times, pick, drop)
 
 
-def is_after(place: Placed, rows: Sequence[int], slots: Mapping[int, int]) -> bool:
+def is_after(place: RobotTracks, rows: Sequence[int], slots: Mapping[int, int]) -> bool:
     """Whether loads change at the begin of picks or drops, so that robots are still there afterwards."""
     before = sum(int(place.cell[row]) in slots for row in rows)
     return sum(int(place.cell[row + 1]) in slots for row in rows) > before
 
 
 def cells_at(
-    log: StateLog, place: Placed, row: int, is_late: bool, other: int = 0
+    log: StateLog, place: RobotTracks, row: int, is_late: bool, other: int = 0
 ) -> tuple[int, ...]:
     """The cells where a load may have changed between a message and the next, the likeliest first.
 

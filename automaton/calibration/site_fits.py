@@ -7,28 +7,31 @@ between two messages. What lacks either is named, without a number.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any, Final, NamedTuple
 
 import numpy as np
 
 from automaton.calibration import battery_fits, duration_fits, motion_fits, stop_fits
-from automaton.calibration.log_on_floor import placed
-from automaton.calibration.motion_fits import FittedValue, MessagePairs, RobotTracks
-from automaton.calibration.state_log import StateLog
-from automaton.scenario.robot_types import RobotType, types_of
+from automaton.calibration.log_on_floor import RobotTracks, placed
+from automaton.calibration.motion_fits import FittedValue
+from automaton.calibration.state_log import StateLog, numbers_of_robots
+from automaton.scenario.robot_types import type_of_each, types_of
+from automaton.scenario.schema import Scenario
 from automaton.units import count
 from automaton.world.resolved import Resolved
 
 Array = np.ndarray[Any, Any]
 
 MIN_SPEED_PAIRS: Final = 100
+MIN_DRIVES: Final = 5
 MIN_TURNS: Final = 50
 MIN_OPERATIONS: Final = 384  # mean to within 5 % if the standard deviation is half of it
 MIN_DELAYS: Final = 400
 MIN_BREAKDOWNS: Final = 10
 MIN_BATTERY_S: Final = 7200.0  # of a robot
 HOUR: Final = 3600.0
+Z_95: Final = 1.96  # standard errors to the ends of a 95 % interval
 OPERATIONS: Final = {"pick": "pick", "drop": "drop", "handling": "serve"}  # action types of a log
 
 
@@ -62,7 +65,7 @@ class SiteFits(NamedTuple):
     estimates: dict[str, Estimate]
     unsaid: list[str]
     notes: list[str]
-    operations: dict[str, duration_fits.DurationFit]  # those with an estimate
+    operations: dict[str, duration_fits.DurationFit]  # pick, drop, handling; keys of types
     delays: stop_fits.DelayFit | None
     repair: duration_fits.DurationFit | None
     towed: bool
@@ -76,61 +79,25 @@ class SiteFits(NamedTuple):
         return f"{robots}, {self.hours:.3g} h, a message every {self.gap_s:.3g} s (median)"
 
 
-class LoggedSite(NamedTuple):
-    """A log on the floor of a scenario."""
-
-    log: StateLog
-    track: RobotTracks
-    pairs: MessagePairs
-    kind: Array  # (n,) type of the robot of each message
-    types: tuple[RobotType, ...]
-    gap: float
-    metres: float  # side of a cell
-    tick: float  # seconds
-    error: float  # standard deviation of a duration through errors of the stamps
-
-
-def site_of(log: StateLog, resolved: Resolved) -> LoggedSite:
-    """The log on the floor of a scenario. Raises InputError."""
-    scenario, floor_plan = resolved.scenario, resolved.floor_plan
-    track = motion_fits.track_of(log, placed(log, floor_plan, scenario.units), floor_plan)
-    types = types_of(scenario)
-    gaps = np.diff(track.seconds)[log.usable[:-1]]
-    return LoggedSite(
-        log,
-        track,
-        motion_fits.pairs_of(track),
-        type_of_robots(log.robots, scenario.fleet.counts)[log.samples.robot],
-        types,
-        motion_fits.message_gap(track.seconds, log.usable),
-        float(scenario.units.scale.cell_metres),
-        float(scenario.units.scale.tick_seconds),
-        duration_fits.stamp_error(gaps),
-    )
-
-
-def type_of_robots(names: Sequence[str], counts: Sequence[int]) -> Array:
-    """(robots,) the type of each robot: names that are numbers are those of the scenario, others are
-    sorted."""
-    robots = sum(counts)
-    kinds = np.repeat(np.arange(len(counts)), counts) if counts else np.zeros(robots, np.int64)
-    if all(name.isdecimal() and int(name) < len(kinds) for name in names):
-        return np.array([kinds[int(name)] for name in names])
-    places = np.argsort(np.argsort(np.array(names)))
-    out: Array = kinds[np.minimum(places, len(kinds) - 1)] if len(kinds) else places * 0
-    return out
-
-
 class Fitting:
     """Collects estimates and what cannot be said."""
 
-    def __init__(self, site: LoggedSite) -> None:
-        self.site = site
+    def __init__(self, track: RobotTracks, scenario: Scenario, thresholds: Thresholds) -> None:
+        self.track, self.log = track, track.log
+        self.thresholds = thresholds
+        self.durations, self.types = scenario.durations, types_of(scenario)
+        # (n,) type of the robot of each message
+        kinds = type_of_each(scenario.fleet)
+        numbers = np.minimum(numbers_of_robots(track.log.robots, len(kinds)), len(kinds) - 1)
+        self.kind: Array = kinds[numbers][track.log.samples.robot]
+        self.metres = float(scenario.units.scale.cell_metres)  # side of a cell
+        self.tick = float(scenario.units.scale.tick_seconds)
+        self.gaps = track.elapsed[track.log.usable]  # seconds
+        # Usual speed at each message, in cells per second: fitted, else that of the scenario.
+        self.usual = np.zeros(len(track.cell))
         self.estimates: dict[str, Estimate] = {}
         self.unsaid: list[str] = []
         self.notes: list[str] = []
-        # Usual speed at each message, in cells per second: fitted, else that of the scenario.
-        self.usual = np.zeros(len(site.track.seconds))
 
     def has_enough(self, what: str, have: int, need: int, unit: str) -> bool:
         """Whether there are enough observations; if not, say so."""
@@ -140,37 +107,72 @@ class Fitting:
 
     def is_long_enough(self, what: str, seconds: float) -> bool:
         """Whether an operation lasts longer than the gap between messages; if not, say so."""
-        gap = self.site.gap
+        gap = self.track.gap
         if seconds < gap:
             self.unsaid.append(f"{what}: shorter than the median gap between messages, {gap:.3g} s")
         return seconds >= gap
+
+    def key(self, kind: int, key: str) -> str:
+        """The key of a value of a type of robots."""
+        name = self.types[kind].name
+        return f"fleet.types.{name}.{key}" if name else key
+
+    def present(self, name: str, kind: int | None) -> float:
+        """Seconds of a pick or a drop in the scenario: of a type, or (None) of the fleet."""
+        durations = self.durations if kind is None else self.types[kind].durations
+        return float(getattr(durations, name) * self.tick)
+
+    def seconds(self, name: str) -> Array:
+        """(types,) seconds of a pick or a drop: fitted, else of the scenario."""
+        key, usual = f"durations.{name}", self.estimates
+        fits = [usual.get(self.key(kind, key), usual.get(key)) for kind in range(len(self.types))]
+        return np.array(
+            [fit.fit.value if fit else self.present(name, kind) for kind, fit in enumerate(fits)]
+        )
+
+    def error(self, name: str) -> float:
+        """The largest relative standard error of a duration, of all types."""
+        fits = [one.fit for key, one in self.estimates.items() if key.endswith(f"durations.{name}")]
+        return max(((fit.high - fit.low) / (2 * Z_95 * fit.value) for fit in fits), default=0.0)
+
+    def operations(self, chosen: Array) -> duration_fits.Censored:
+        """The operations of some messages."""
+        log, identity = self.log, self.log.samples.action_id
+        return duration_fits.operations_of(self.track.seconds, log.usable, identity, chosen)
 
     def add(self, estimate: Estimate) -> None:
         """Take an estimate."""
         self.estimates[estimate.key] = estimate
 
+    def add_duration(
+        self, key: str, present: float | None, fit: duration_fits.DurationFit, what: str = "times"
+    ) -> None:
+        """Take the mean of a distribution."""
+        value = FittedValue(fit.mean, fit.low, fit.high, fit.n)
+        self.add(Estimate(key, "s", present, value, f"{fit.n:,} {what}", family_words(fit)))
+
 
 def fit_site(
-    site: LoggedSite,
+    log: StateLog,
+    resolved: Resolved,
     operations: Mapping[str, str] = OPERATIONS,
     thresholds: Thresholds = USUAL_THRESHOLDS,
 ) -> SiteFits:
-    """All estimates of a log; `operations`: action types by pick, drop and handling."""
-    fitting = Fitting(site)
+    """Fit a log; `operations`: action types by pick, drop and handling. Raises InputError."""
+    scenario = resolved.scenario
+    track = placed(log, resolved.floor_plan, scenario.units)
+    fitting = Fitting(track, scenario, thresholds)
     _fit_speeds(fitting)
     turns = _fit_turns(fitting)
     durations = _fit_operations(fitting, operations)
-    slow = stop_fits.slow_stretches(
-        site.pairs, site.track, fitting.usual, site.metres, thresholds.slow_share
-    )
-    delays = _fit_delays(fitting, thresholds.shortest_delay_s)
+    slow = stop_fits.slow_stretches(track, fitting.usual, fitting.metres, thresholds.slow_share)
+    delays = _fit_delays(fitting)
     repair, towed = _fit_breakdowns(fitting)
-    charging = _fit_battery(fitting, turns, durations)
-    seconds = site.track.seconds
+    charging = _fit_battery(fitting, turns)
     return SiteFits(
-        site.gap,
-        len(site.log.robots),
-        float(seconds.max() - seconds.min()) / HOUR if len(seconds) else 0.0,
+        track.gap,
+        len(log.robots),
+        float(np.ptp(track.seconds)) / HOUR,
         fitting.estimates,
         fitting.unsaid,
         fitting.notes,
@@ -183,74 +185,57 @@ def fit_site(
     )
 
 
-def type_key(site: LoggedSite, kind: int, key: str) -> str:
-    """The key of a value of a type of robots."""
-    name = site.types[kind].name
-    return f"fleet.types.{name}.{key}" if name else key
-
-
 def _fit_speeds(fitting: Fitting) -> None:
-    site = fitting.site
-    for kind, robot_type in enumerate(site.types):
-        moves = robot_type.durations.moves
-        for loaded, ticks in enumerate((moves.empty, moves.loaded)):
-            present = 1 / (ticks * robot_type.move_time_factor * site.tick)  # cells per second
-            chosen = (site.kind == kind) & (site.track.loaded == loaded)
+    track, metres = fitting.track, fitting.metres
+    for kind, robot_type in enumerate(fitting.types):
+        moves = robot_type.moves
+        for loaded, ticks in enumerate(moves):
+            present = 1 / (ticks * fitting.tick)  # cells per second
+            chosen = (fitting.kind == kind) & (track.loaded == loaded)
             fitting.usual[chosen] = present
-            key = type_key(site, kind, f"durations.move.{'loaded' if loaded else 'empty'}")
-            pairs = int((site.pairs.free & chosen).sum())
+            key = fitting.key(kind, f"durations.move.{moves._fields[loaded]}")
+            pairs = int((track.free & chosen).sum())
             if not fitting.has_enough(key, pairs, MIN_SPEED_PAIRS, "pair of messages"):
                 continue
-            speeds = motion_fits.speed_windows(site.track, site.pairs, chosen)
-            if not fitting.has_enough(key, len(speeds), 5, "straight drive"):
+            speeds, robots = motion_fits.speed_windows(track, chosen)
+            if not fitting.has_enough(key, len(speeds), MIN_DRIVES, "straight drive"):
                 continue
             fit = motion_fits.usual_speed(speeds)
             fitting.usual[chosen] = fit.value
-            _name_slow_robots(fitting, chosen, fit.value, key)
-            fitting.add(
-                Estimate(
-                    key,
-                    "m/s",
-                    present * site.metres,
-                    fit.scaled(site.metres),
-                    f"{pairs:,} pairs",
-                )
-            )
+            _name_slow_robots(fitting, speeds, robots, fit.value, key)
+            fit = fit.scaled(metres)
+            fitting.add(Estimate(key, "m/s", present * metres, fit, f"{pairs:,} pairs"))
 
 
-def _name_slow_robots(fitting: Fitting, chosen: Array, usual: float, key: str) -> None:
-    """Note the robots whose speed differs from that of their type."""
-    site = fitting.site
-    for robot, name in enumerate(site.log.robots):
-        own = chosen & (site.track.robot == robot)
-        if (site.pairs.free & own).sum() < MIN_SPEED_PAIRS:
+def _name_slow_robots(
+    fitting: Fitting, speeds: Array, robots: Array, usual: float, key: str
+) -> None:
+    """Note the robots whose speed differs from that of their type; `robots`: sorted."""
+    numbers, first = np.unique(robots, return_index=True)
+    for robot, own in zip(numbers.tolist(), np.split(speeds, first[1:]), strict=True):
+        if len(own) < MIN_TURNS:
             continue
-        speeds = motion_fits.speed_windows(site.track, site.pairs, own)
-        if len(speeds) < MIN_TURNS:
-            continue
-        fit = motion_fits.usual_speed(speeds)
-        if fit.high < usual * (1 - stop_fits.SLOW_SHARE) or fit.low > usual * (
-            1 + stop_fits.SLOW_SHARE
-        ):
-            speed, rest = fit.value * site.metres, usual * site.metres
+        fit, share = motion_fits.usual_speed(own), fitting.thresholds.slow_share
+        if fit.high < usual * (1 - share) or fit.low > usual * (1 + share):
+            speed, rest = (one * fitting.metres for one in (fit.value, usual))
+            name = fitting.log.robots[robot]
             fitting.notes.append(f"robot {name}: {speed:.3g} m/s, others {rest:.3g} m/s ({key})")
 
 
 def _fit_turns(fitting: Fitting) -> Array:
     """Fit the turns; return the seconds of a turn of each type, fitted or of the scenario."""
-    site = fitting.site
-    corners = motion_fits.corners_of(site.track, fitting.usual)
-    turns = np.zeros(len(site.types))
-    for kind, robot_type in enumerate(site.types):
+    messages, durations = motion_fits.corners_of(fitting.track, fitting.usual)
+    turns = np.zeros(len(fitting.types))
+    for kind, robot_type in enumerate(fitting.types):
         if robot_type.kinematics == "omni":
             continue
-        present = robot_type.turns.empty * site.tick
+        present = robot_type.turns.empty * fitting.tick
         turns[kind] = present
-        key = type_key(site, kind, "durations.turn")
-        seconds = corners.seconds[site.kind[corners.message] == kind]
+        key = fitting.key(kind, "durations.turn")
+        seconds = durations[fitting.kind[messages] == kind]
         if not fitting.has_enough(key, len(seconds), MIN_TURNS, "turn"):
             continue
-        fit = motion_fits.median_fit(motion_fits.core(seconds, -1))
+        fit = motion_fits.median_fit(motion_fits.core(seconds, -1)).with_unseen()
         if fitting.is_long_enough(key, fit.value):
             turns[kind] = fit.value
             fitting.add(Estimate(key, "s", present, fit, f"{len(seconds):,} turns"))
@@ -260,35 +245,35 @@ def _fit_turns(fitting: Fitting) -> Array:
 def _fit_operations(
     fitting: Fitting, operations: Mapping[str, str]
 ) -> dict[str, duration_fits.DurationFit]:
-    site = fitting.site
-    out = {}
+    """Fit handling, picks and drops, and the picks and drops of types that differ from the others."""
+    log, out = fitting.log, {}
     for name, action in operations.items():
-        if action not in site.log.actions:
+        if action not in log.actions:
             fitting.unsaid.append(f"durations.{name}: the log has no action {action}")
             continue
-        chosen = site.log.samples.action == site.log.actions.index(action) + 1
-        identity = site.log.samples.action_id
-        data = duration_fits.operations_of(site.track.seconds, site.log.usable, identity, chosen)
-        if not fitting.has_enough(f"durations.{name}", data.n, MIN_OPERATIONS, "operation"):
+        chosen = log.samples.action == log.actions.index(action) + 1
+        key = f"durations.{name}"
+        data = fitting.operations(chosen)
+        if not fitting.has_enough(key, data.n, MIN_OPERATIONS, "operation"):
             continue
         fit = duration_fits.fit_durations(data)
-        if len(data.gaps) and not fitting.is_long_enough(f"durations.{name}", fit.mean):
+        if len(data.gaps) and not fitting.is_long_enough(key, fit.mean):
             continue
-        out[name] = fit
-        durations = site.types[0].durations
         present = None
-        if name != "handling":
-            present = getattr(durations, name) * site.tick
-        fitting.add(
-            Estimate(
-                f"durations.{name}",
-                "s",
-                present,
-                FittedValue(fit.mean, fit.low, fit.high, fit.n),
-                f"{fit.n:,} times",
-                family_words(fit),
-            )
-        )
+        if name == "handling":
+            fit = fit._replace(empirical=duration_fits.empirical_quantiles(data))
+        else:
+            present = fitting.present(name, None)
+        out[name] = fit
+        fitting.add_duration(key, present, fit)
+        for kind in range(len(fitting.types) if present is not None else 0):
+            own = fitting.operations(chosen & (fitting.kind == kind))
+            if len(fitting.types) == 1 or own.n < MIN_OPERATIONS:
+                continue
+            of_type, usual = duration_fits.fit_durations(own), fitting.present(name, kind)
+            if usual != present or not of_type.low <= fit.mean <= of_type.high:
+                out[fitting.key(kind, key)] = of_type
+                fitting.add_duration(fitting.key(kind, key), usual, of_type)
     return out
 
 
@@ -302,11 +287,11 @@ def family_words(fit: duration_fits.DurationFit) -> str:
     return f"{fit.family}{spread.get(fit.family, '')}{misfit}"
 
 
-def _fit_delays(fitting: Fitting, shortest: float) -> stop_fits.DelayFit | None:
-    site = fitting.site
-    order = site.log.samples.order
+def _fit_delays(fitting: Fitting) -> stop_fits.DelayFit | None:
+    order = fitting.log.samples.order
     order = order if order.any() else np.ones_like(order)
-    fit = stop_fits.fit_delays(site.track, order, fitting.usual, site.error, shortest)
+    error, shortest = duration_fits.stamp_error(fitting.gaps), fitting.thresholds.shortest_delay_s
+    fit = stop_fits.fit_delays(fitting.track, order, fitting.usual, error, shortest)
     key = "faults.delays"
     if not fitting.has_enough(key, fit.rate.n, MIN_DELAYS, "delay") or fit.length is None:
         return None
@@ -320,9 +305,8 @@ def _fit_delays(fitting: Fitting, shortest: float) -> stop_fits.DelayFit | None:
 
 
 def _fit_breakdowns(fitting: Fitting) -> tuple[duration_fits.DurationFit | None, bool]:
-    site = fitting.site
-    gaps = duration_fits.gap_quantiles(np.diff(site.track.seconds)[site.log.usable[:-1]])
-    breakdowns = stop_fits.fit_breakdowns(site.track, site.log.samples.down, gaps, site.error)
+    gaps = duration_fits.gap_quantiles(fitting.gaps), duration_fits.stamp_error(fitting.gaps)
+    breakdowns = stop_fits.fit_breakdowns(fitting.track, *gaps)
     rate = breakdowns.rate
     low, high = (HOUR * one for one in (rate.low, rate.high))
     bounds = f"{1 / high:,.3g} to {1 / low:,.3g} h" if low else f"above {1 / high:,.3g} h"
@@ -337,51 +321,52 @@ def _fit_breakdowns(fitting: Fitting) -> tuple[duration_fits.DurationFit | None,
         return None, breakdowns.towed > 0
     fit = duration_fits.fit_durations(breakdowns.repairs)
     key = "faults.repair_time" if breakdowns.towed else "faults.repair_in_place"
-    interval = FittedValue(fit.mean, fit.low, fit.high, fit.n)
-    fitting.add(Estimate(key, "s", None, interval, f"{fit.n:,} repairs", family_words(fit)))
+    fitting.add_duration(key, None, fit, "repairs")
     return fit, breakdowns.towed > 0
 
 
-def _fit_battery(
-    fitting: Fitting, turns: Array, durations: Mapping[str, duration_fits.DurationFit]
-) -> tuple[tuple[float, float], ...]:
+def _fit_battery(fitting: Fitting, turns: Array) -> tuple[tuple[float, float], ...]:
     """Fit energy use; return the steps of the charging rate."""
-    site, samples = fitting.site, fitting.site.log.samples
+    track, samples = fitting.track, fitting.log.samples
     charge = samples.charge
     if np.isnan(charge).all() or np.nanmax(charge) == np.nanmin(charge):
         fitting.unsaid.append("battery: the log shows no change of charge")
         return ()
-    seconds = np.append(np.diff(site.track.seconds), 0.0)
-    by_robot = np.bincount(samples.robot, seconds * site.track.usable)
-    logged = float(np.median(by_robot))
+    logged = float(np.median(np.bincount(samples.robot, track.elapsed * track.usable)))
     if logged < MIN_BATTERY_S:
         fitting.unsaid.append(f"battery: {logged / HOUR:.2g} h of at least 2 h a robot")
         return ()
-    usual_durations = site.types[0].durations
-    known = {
-        name: durations[name].mean
-        if name in durations
-        else getattr(usual_durations, name) * site.tick
-        for name in ("pick", "drop")
-    }
-    states = battery_fits.state_seconds(site.track, fitting.usual, turns[site.kind], known)
-    off = (samples.charging == 1) | samples.down
-    fit = battery_fits.fit_drains(site.track, states, charge, off)
-    battery = site.types[0].battery
+    kind, seconds = fitting.kind, {name: fitting.seconds(name) for name in ("pick", "drop")}
+    own = {name: one[kind] for name, one in seconds.items()}
+    states = battery_fits.state_seconds(track, fitting.usual, turns[kind], own)
+    error = fitting.error
+    errors = {name: (error(name), error(name)) for name in ("turn", *seconds)}
+    errors["move"] = error("move.empty"), error("move.loaded")
+    fit = battery_fits.fit_drains(track, states, errors)
+    if fit is None:
+        least = battery_fits.MIN_WINDOWS
+        fitting.unsaid.append(f"battery.drain: the charge changes in fewer than {least} stretches")
+    battery = fitting.types[0].battery
+    shortest = {"turn": float(turns.min()), **{k: float(one.min()) for k, one in seconds.items()}}
     for name, drain in (fit.drains if fit else {}).items():
-        shortest = {"turn": float(turns.min()), **known}.get(name, math.inf)
-        if not fitting.is_long_enough(f"battery.drain.{name}", shortest):
-            continue
-        present = getattr(battery.drain, name) * HOUR / site.tick if battery else None
         key = f"battery.drain.{name}"
-        fitting.add(Estimate(key, "%/h", present, drain.scaled(HOUR), f"{drain.n:,} windows"))
+        if not fitting.is_long_enough(key, shortest.get(name, math.inf)):
+            continue
+        if drain.high - drain.low > drain.value:
+            low, high = drain.low * HOUR, drain.high * HOUR
+            text = f"{key}: {low:.3g} to {high:.3g} %/h, not told apart from other states"
+            fitting.unsaid.append(text)
+            continue
+        present = getattr(battery.drain, name) * HOUR / fitting.tick if battery else None
+        is_joint = fit is not None and fit.is_joint and name in battery_fits.HANDLING
+        remark = "picks and drops together: not told apart" if is_joint else ""
+        observed = f"{drain.n:,} windows"
+        fitting.add(Estimate(key, "%/h", present, drain.scaled(HOUR), observed, remark))
     if fit and fit.loaded_factor:
+        key, factor = "battery.drain.loaded_factor", fit.loaded_factor
         present = battery.drain.loaded_factor if battery else None
-        observed = f"{fit.loaded_factor.n:,} windows"
-        fitting.add(
-            Estimate("battery.drain.loaded_factor", "", present, fit.loaded_factor, observed)
-        )
-    steps = battery_fits.fit_charging(site.track, charge, samples.charging == 1)
+        fitting.add(Estimate(key, "", present, factor, f"{factor.n:,} windows"))
+    steps = battery_fits.fit_charging(track)
     if not steps:
         fitting.unsaid.append("battery.charge_rate: less than a minute of charging")
     return steps

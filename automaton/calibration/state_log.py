@@ -7,7 +7,8 @@ did at the time of the stamp. Rows are ordered by robot, then by time. Formats o
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterable, Mapping
+import re
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
@@ -22,6 +23,7 @@ Array = np.ndarray[Any, Any]
 MAX_GAP_MS: Final = (
     31_000  # VDA 5050 asks for a message every 30 s; a second for clocks that differ
 )
+NUMBER_WIDTH: Final = 20  # digits of numbers in names, to sort these
 CLOCK_STEP_MS: Final = 1000  # smaller steps back are unordered messages
 MESSAGES_AT_A_TIME: Final = 8192  # rows held as Python objects
 
@@ -88,6 +90,30 @@ class StateLog(NamedTuple):
     orders: tuple[str, ...]
     usable: Array  # (n,) bool: row i and the next are of one robot, without gap or clock step
     counts: LogCounts
+
+    def part(self, rows: Array) -> StateLog:
+        """Some of the messages; `rows`: sorted."""
+        samples = Samples(*(column[rows] for column in self.samples))
+        return self._replace(
+            samples=samples, usable=self.usable[rows] & (np.diff(rows, append=-1) == 1)
+        )
+
+    def rows_of_robots(self) -> list[slice]:
+        """The rows of each robot."""
+        firsts = np.searchsorted(self.samples.robot, np.arange(len(self.robots) + 1)).tolist()
+        return [slice(*ends) for ends in itertools.pairwise(firsts)]
+
+
+def numbers_of_robots(names: Sequence[str], robots: int) -> Array:
+    """(n,) the number in a fleet of each robot of a log: its name, if all are numbers of the fleet.
+
+    Else robots are numbered by name; "agv-10" comes behind "agv-9".
+    """
+    of_fleet = {str(number): number for number in range(robots)}
+    if of_fleet.keys() >= set(names):
+        return np.array([of_fleet[name] for name in names], np.int64)
+    keys = [re.sub(r"[0-9]+", lambda digits: digits[0].zfill(NUMBER_WIDTH), name) for name in names]
+    return np.argsort(sorted(range(len(keys)), key=keys.__getitem__))
 
 
 TYPES: Final = {

@@ -13,14 +13,15 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 
 from automaton.calibration.duration_fits import Censored
+from automaton.calibration.log_on_floor import RobotTracks
 from automaton.calibration.motion_fits import (
     LEVEL,
     FittedValue,
-    MessagePairs,
-    RobotTracks,
+    drives_of,
     median_fit,
 )
 from automaton.calibration.state_log import MAX_GAP_MS
+from automaton.floor.floor_plan import NIL
 
 Array = np.ndarray[Any, Any]
 
@@ -43,35 +44,27 @@ class SlowStretch(NamedTuple):
 
 
 def slow_stretches(
-    pairs: MessagePairs,
-    track: RobotTracks,
-    usual: Array,
-    metres: float,
-    slow_share: float = SLOW_SHARE,
+    track: RobotTracks, usual: Array, metres: float, slow_share: float = SLOW_SHARE
 ) -> list[SlowStretch]:
     """The slow stretches; `usual`: (n,) usual speed at each message, in cells per second."""
-    chosen = np.flatnonzero(pairs.free & (usual > 0))
-    x, y = track.column[chosen], track.row[chosen]
-    across, down = pairs.across[chosen], pairs.down[chosen]
-    speed = (abs(across) + abs(down)) / pairs.seconds[chosen]
+    chosen = np.flatnonzero(track.free & (usual > 0))
+    step = track.step[:, chosen]
+    way = abs(step)
+    speed = way.sum(axis=0) / track.elapsed[chosen]
     share = speed / usual[chosen]
-    middle = np.stack((x + across / 2, y + down / 2))
+    middle = track.place[:, chosen] + step / 2
     out: list[SlowStretch] = []
-    for axis, along in enumerate((abs(across) >= abs(down), abs(down) > abs(across))):
+    for axis, along in enumerate((way[0] >= way[1], way[1] > way[0])):
         place, line = middle[axis], np.round(middle[1 - axis]).astype(np.int64)
         edge = np.floor(place).astype(np.int64)
         near = along & (abs(place - edge - 0.5) <= NEAR_MIDDLE)
-        ends = np.sort(
-            np.stack((place, place)) + np.stack((across, down))[axis] * [[-0.5], [0.5]], axis=0
-        )
-        for run in _slow_runs(line[near], edge[near], share[near], slow_share):
-            row, first, last = run
-            inside = along & (line == row) & (ends[0] >= first) & (ends[1] <= last)
+        for row, first, last in _slow_runs(line[near], edge[near], share[near], slow_share):
+            inside = along & (line == row) & (place - way[axis] / 2 >= first)
+            inside &= place + way[axis] / 2 <= last
             if inside.sum() < MIN_SLOW_PAIRS:
                 inside = near & (line == row) & (edge >= first) & (edge < last)
             corners = [(first, row), (last, row)] if axis == 0 else [(row, first), (row, last)]
-            limit = _fastest(speed[inside], usual[chosen][inside])
-            limit = limit.scaled(metres)
+            limit = _fastest(speed[inside], usual[chosen][inside]).scaled(metres)
             out.append(SlowStretch(corners[0], corners[1], median_fit(share[inside]), limit))
     return sorted(out, key=lambda one: one.share.value)
 
@@ -124,28 +117,16 @@ def fit_delays(
     track: RobotTracks, order: Array, usual: Array, error: float, shortest: float
 ) -> DelayFit:
     """The delays above `shortest` seconds; `order`: (n,) above 0 with one, `error`: of a duration."""
-    moving = np.flatnonzero(track.driving & ~np.isnan(track.column))
-    first, last = moving[:-1], moving[1:]
-    broken = np.cumsum(np.append(0, ~track.usable[:-1]))
-    busy = np.cumsum(np.append(0, track.acts | track.near | (order == 0)))
-    changes = np.append(0, np.cumsum(track.heading[1:] != track.heading[:-1]))
-    free = (
-        (broken[last] == broken[first])
-        & (busy[last + 1] == busy[first])
-        & (changes[last] == changes[first])
-        & (track.loaded[first] == track.loaded[last])
-        & (usual[first] > 0)
-    )
-    way = sum(abs(one[last] - one[first]) for one in (track.column, track.row))
-    beyond = np.where(free, track.seconds[last] - track.seconds[first] - way / usual[first], 0.0)
+    drives = drives_of(track, usual, track.acts | track.near | (order == 0))
+    free = drives.free & (drives.turns == 0)
     threshold = max(shortest / 2, ERRORS * error)
-    is_late = free & (beyond > threshold)
+    is_late = free & (drives.late > threshold)
     # Errors of stamps cancel between neighbours, so a delay includes the pairs beside it.
     wide = is_late | (free & (np.roll(is_late, 1) | np.roll(is_late, -1)))
     number = np.cumsum(wide & ~np.roll(wide, 1))[wide] - 1
-    lengths = np.bincount(number, beyond[wide]) if len(number) else np.zeros(0)
+    lengths = np.bincount(number, drives.late[wide]) if len(number) else np.zeros(0)
     lengths = lengths[lengths >= shortest]
-    exposure = float((track.seconds[last] - track.seconds[first])[free].sum() - lengths.sum())
+    exposure = float(drives.seconds[free].sum() - lengths.sum())
     length = None
     if len(lengths) > 1:
         mean, half = float(lengths.mean()), 1.96 * float(lengths.std()) / math.sqrt(len(lengths))
@@ -172,30 +153,19 @@ class Breakdowns(NamedTuple):
     towed: int  # breakdowns after which the robot left the floor
 
 
-def fit_breakdowns(track: RobotTracks, down: Array, gaps: Array, error: float) -> Breakdowns:
-    """The breakdowns; `down`: (n,) bool."""
-    seconds = np.append(np.diff(track.seconds), 0.0)
-    linked = np.append(track.robot[1:] == track.robot[:-1], False)
-    begins = np.flatnonzero(linked[:-1] & ~down[:-1] & down[1:]) + 1
-    ends = np.flatnonzero(np.append(linked[:-1] & down[:-1] & ~down[1:], False))
-    up = float(seconds[linked & ~down & (seconds <= MAX_GAP_MS / 1000)].sum())
-    rows, towed = [], 0
-    for begin in begins.tolist():
-        place = int(np.searchsorted(ends, begin))
-        end = int(ends[place]) if place < len(ends) else None
-        is_over = end is not None and track.robot[end] == track.robot[begin]
-        stay = slice(begin, end + 1 if is_over and end is not None else begin + 1)
-        towed += bool(np.isnan(track.column[stay]).any())
-        if is_over and end is not None:
-            times = track.seconds
-            rows.append(
-                (
-                    times[begin] - times[begin - 1],
-                    times[end] - times[begin],
-                    times[end + 1] - times[end],
-                )
-            )
-    before, observed, after = np.array(rows, float).reshape(-1, 3).T
-    return Breakdowns(
-        poisson_fit(len(begins), up), Censored(before, observed, after, gaps, error), towed
-    )
+def fit_breakdowns(track: RobotTracks, gaps: Array, error: float) -> Breakdowns:
+    """The breakdowns; `gaps`, `error`: as those of Censored."""
+    robot, down = track.log.samples.robot, track.log.samples.down
+    linked = np.append(robot[1:] == robot[:-1], False)
+    change = np.where(linked, np.diff(down.astype(np.int8), append=down[-1:]), 0)
+    begins, ends = np.flatnonzero(change > 0) + 1, np.flatnonzero(change < 0)
+    up = float(track.elapsed[linked & ~down & (track.elapsed <= MAX_GAP_MS / 1000)].sum())
+    end = np.append(ends, len(down) - 1)[np.searchsorted(ends, begins)]
+    is_over = (change[end] < 0) & (robot[end] == robot[begins])
+    off = np.cumsum(np.append(0, track.cell == NIL))
+    towed = off[np.where(is_over, end, begins) + 1] > off[begins]
+    begin, end, seconds = begins[is_over], end[is_over], track.seconds
+    times = seconds[begin] - seconds[begin - 1], seconds[end] - seconds[begin]
+    after = seconds[end + 1] - seconds[end]
+    repairs = Censored(*times, after, gaps, error)
+    return Breakdowns(poisson_fit(len(begins), up), repairs, int(towed.sum()))

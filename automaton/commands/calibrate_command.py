@@ -33,7 +33,7 @@ from automaton.commands.arguments import (
     whole,
 )
 from automaton.commands.demand_mode import add_orders_arguments, fit_orders, order_columns
-from automaton.commands.log_command import columns
+from automaton.commands.log_command import add_columns_argument, named
 from automaton.errors import InputError, alternatives
 from automaton.units import count, exact_time
 
@@ -69,31 +69,32 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_orders_arguments(parser, text)
     text = "write the settings to FILE, for --set @FILE"
     add("--out", type=Path, required=True, metavar="FILE", help=text)
-    text = "names of columns in CSV files, such as robot=agv,time=stamp"
-    add("--columns", type=columns, default={}, metavar="FIELD=NAME,...", help=text)
-    add(
-        "--actions",
-        type=columns,
-        default={},
-        metavar="FIELD=TYPE,...",
-        help="the action types of picks, drops and handling in the log (default: "
-        "pick=pick,drop=drop,handling=serve)",
+    add_columns_argument(parser)
+    text = (
+        "the action type of pick, drop or handling in the log, such as handling=serve (default: pick, "
+        "drop, serve); may be repeated"
     )
+    metavar = "FIELD=TYPE"
     add(
-        "--shortest-delay",
-        type=measured("a time", "2 s", exact_time),
-        default=Fraction(1),
-        metavar="TIME",
-        help="count stops and slow stretches from this length on as delays (default: 1 s)",
+        "--action",
+        type=named,
+        action="append",
+        default=[],
+        dest="actions",
+        metavar=metavar,
+        help=text,
     )
-    add(
-        "--pairs",
-        type=pairs,
-        default=20,
-        metavar="N",
-        help="compare fitted and empirical handling times, and a finer tick, in N pairs of runs "
-        "(default: 20; 0: no runs)",
+    text = "count stops and slow drives from this length on as delays (default: 1 s)"
+    delay = measured("a time", "2 s", exact_time)
+    add("--shortest-delay", type=delay, default=Fraction(1), metavar="TIME", help=text)
+    text = "list stretches and robots slower than usual by more than PERCENT (default: 5)"
+    slow = whole("a percentage", 1, 90)
+    add("--slow-stretch", type=slow, default=5, metavar="PERCENT", help=text)
+    text = (
+        "compare fitted and empirical handling times, and a finer tick, in N pairs of runs (default: "
+        "20; 0: no runs)"
     )
+    add("--pairs", type=pairs, default=20, metavar="N", help=text)
     text = (
         "tune at most two numbers, so that throughput and lead time of the days of the logs agree with "
         "the site; then compare needs other days"
@@ -118,24 +119,24 @@ def run(args: argparse.Namespace) -> int:
     output = output_of(args, "--report")
     check_writable(args.out)
     from automaton.calibration.fitted_settings import settings_text
-    from automaton.calibration.site_fits import OPERATIONS, Thresholds, fit_site, site_of
+    from automaton.calibration.site_fits import OPERATIONS, Thresholds, fit_site
     from automaton.calibration.state_log import read_log
     from automaton.world.resolve import resolve
 
-    check_fields(args.actions, OPERATIONS)
+    actions = dict(args.actions)
+    check_fields(actions, OPERATIONS)
     base = resolve(args.floor, args.settings)
     print_warnings(base)
     if args.tune:
         from automaton.calibration.output_tuning import tuned_numbers
 
         tuned_numbers(args.tune, written_data(args))  # a wrong key, before all the work
-    log = read_log(args.logs, args.columns)
-    thresholds = Thresholds(shortest_delay_s=float(args.shortest_delay))
+    log = read_log(args.logs, dict(args.columns))
+    thresholds = Thresholds(args.slow_stretch / 100, float(args.shortest_delay))
     try:
-        site = site_of(log, base)
+        fits = fit_site(log, base, {**OPERATIONS, **actions}, thresholds)
     except InputError as error:
         raise error.at(str(args.logs[0])) from None
-    fits = fit_site(site, {**OPERATIONS, **args.actions}, thresholds)
     demand = demand_of_site(args, log, base)
     model = fitted_model(args, fits, demand)
     tuning = tuned_model(args, fits, model) if args.tune else None
@@ -183,7 +184,7 @@ def tuned_model(args: argparse.Namespace, fits: Any, model: FittedModel) -> Tuni
     data = override(Document(dict(written_data(args))), own).data
     numbers = output_tuning.tuned_numbers(args.tune, data)
     base = resolve(args.floor, settings)
-    columns = args.columns, order_columns(args), args.order_time
+    columns = dict(args.columns), order_columns(args), args.order_time
     site = ComparedSite(args.floor, settings, None, base, *columns)
     days = [day for log in args.logs for day in read_days(site, log, args.orders)]
     done = 0
@@ -288,9 +289,7 @@ def check_fields(actions: Mapping[str, str], known: Mapping[str, str]) -> None:
     """Check the operations of --actions. Raises InputError."""
     for name in actions:
         if name not in known:
-            raise InputError(
-                f"'{name}' is not an operation; use {alternatives(known)}", "--actions"
-            )
+            raise InputError(f"'{name}' is not an operation; use {alternatives(known)}", "--action")
 
 
 class FittedModel(NamedTuple):

@@ -19,7 +19,7 @@ from automaton.commands.arguments import (
     whole,
 )
 from automaton.commands.demand_mode import add_orders_arguments, order_columns
-from automaton.commands.log_command import columns
+from automaton.commands.log_command import add_columns_argument
 from automaton.errors import InputError
 from automaton.units import count
 
@@ -32,13 +32,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument
     text = "logs: VDA 5050 state messages, one JSON object a line, or CSV; each of a day, or of several"
     add("logs", nargs="+", type=Path, metavar="LOG", help=text)
-    add(
-        "--columns",
-        type=columns,
-        default={},
-        metavar="FIELD=NAME,...",
-        help="names of columns in CSV logs, such as robot=agv,time=stamp",
-    )
+    add_columns_argument(parser)
     text = (
         "the orders of the days: one file for all, or one for each LOG in their order (default: orders "
         "are recovered from the logs)"
@@ -75,7 +69,7 @@ def run(args: argparse.Namespace) -> int:
     named = order_columns(args)
     settings = tuple(args.settings)
     site = ComparedSite(
-        args.scenario, settings, args.seed, base, args.columns, named, args.order_time
+        args.scenario, settings, args.seed, base, dict(args.columns), named, args.order_time
     )
     none: list[Path | None] = [None]
     of_log = [*orders] if len(orders) > 1 else [*(orders or none)] * len(args.logs)

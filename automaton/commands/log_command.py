@@ -11,7 +11,7 @@ Exit code 0: done; 2: bad input, such as positions that are not on the floor.
 from __future__ import annotations
 
 import argparse
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -45,26 +45,33 @@ def add_log_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("logs", type=Path, nargs="+", metavar="LOG", help="a file of the log")
     text = "a scenario file, or the name of a shipped scenario, with the floor and the fleet"
     parser.add_argument("--floor", required=True, metavar="SCENARIO", help=text)
-    parser.add_argument(
-        "--columns",
-        type=columns,
-        default={},
-        metavar="FIELD=NAME,...",
-        help="names of columns in CSV files, such as robot=agv,time=stamp",
-    )
+    add_columns_argument(parser)
     add_settings_argument(
         parser, "change a value of the scenario, such as units.rotation=90; may be repeated"
     )
 
 
-def columns(text: str) -> Mapping[str, str]:
-    """The names of columns by field."""
-    pairs = [part.partition("=") for part in text.split(",")]
-    if not all(field and name for field, _, name in pairs):
-        raise argparse.ArgumentTypeError(
-            f"{text!r} does not name columns; use FIELD=NAME, such as robot=agv,time=stamp"
-        )
-    return {field.strip(): name.strip() for field, _, name in pairs}
+def add_columns_argument(parser: argparse.ArgumentParser) -> None:
+    """The columns of CSV logs: `columns`, pairs."""
+    text = "the column of a field in CSV logs, such as robot=agv; may be repeated"
+    add = parser.add_argument
+    add(
+        "--column",
+        type=named,
+        action="append",
+        default=[],
+        dest="columns",
+        metavar="FIELD=NAME",
+        help=text,
+    )
+
+
+def named(text: str) -> tuple[str, str]:
+    """A field and its name."""
+    field, _, name = (part.strip() for part in text.partition("="))
+    if not field or not name:
+        raise argparse.ArgumentTypeError(f"{text!r} is not FIELD=NAME, such as robot=agv")
+    return field, name
 
 
 def run(args: argparse.Namespace) -> int:
@@ -73,7 +80,7 @@ def run(args: argparse.Namespace) -> int:
 
     resolved = resolve(args.floor, args.settings)
     check_writable(args.out)
-    log = read_log(args.logs, args.columns)
+    log = read_log(args.logs, dict(args.columns))
     from automaton.calibration.observed_run import write_observed_run
 
     try:

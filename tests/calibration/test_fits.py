@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
+from typing import Any
 
 import numpy as np
 import pytest
@@ -13,13 +14,14 @@ from automaton.calibration import duration_fits, site_fits, stop_fits
 from automaton.calibration.battery_fits import fit_charging
 from automaton.calibration.duration_fits import FAMILIES, DurationFit, fit_durations, fit_family
 from automaton.calibration.fitted_settings import arguments_of, largest_tick, settings_of
+from automaton.calibration.log_on_floor import placed
 from automaton.calibration.motion_fits import core, median_fit
-from automaton.calibration.site_fits import SiteFits, fit_site, site_of, type_of_robots
-from automaton.calibration.state_log import LogCounts, Samples, StateLog
+from automaton.calibration.site_fits import SiteFits, fit_site
+from automaton.calibration.state_log import LogCounts, Samples, StateLog, numbers_of_robots
 from automaton.world.resolve import resolve
 
 LENGTH = 20  # cells of the lane
-SCENARIO = {
+SCENARIO: dict[str, Any] = {
     "name": "lane",
     "layout": {"picture": "." * LENGTH + "\n" + "." * LENGTH + "\n" + "." * LENGTH},
     "fleet": {"robots": 2, "kinematics": "differential"},
@@ -33,7 +35,9 @@ TURN, PICK, IDLE, MOVE_DRAIN, WAIT_DRAIN = 3.0, 7.0, 60.0, 12.0, 2.0
 SLOW = (8.0, 12.0)  # metres from the left within which robots drive at half of the speed
 
 
-def lane_log(hours: float, gap: float, slow: bool = False, noise: float = 0.0) -> StateLog:
+def lane_log(
+    hours: float, gap: float, slow: bool = False, noise: float = 0.0, pick: float = PICK
+) -> StateLog:
     """Robot 0 drives to and fro on the upper row; it picks at the left end and drops at the right one."""
     legs: list[
         tuple[float, float, float, int, int, int]
@@ -49,7 +53,7 @@ def lane_log(hours: float, gap: float, slow: bool = False, noise: float = 0.0) -
                 legs.append((clock, begin, speed, heading, load, 0))
                 clock += (end - begin) / speed
             legs.append((clock, ends[-1], 0.0, heading, load, 1 + load))
-            clock += PICK
+            clock += pick
             load = 1 - load
             legs.append((clock, ends[-1], 0.0, heading, load, 0))
             clock += draws.uniform(0, IDLE)
@@ -101,7 +105,7 @@ def log_of(
 
 
 def fits_of(log: StateLog) -> SiteFits:
-    return fit_site(site_of(log, resolve(SCENARIO)))
+    return fit_site(log, resolve(SCENARIO))
 
 
 @pytest.fixture(scope="module")
@@ -133,6 +137,26 @@ def test_settings_run_in_the_scenario_and_their_tick_fits_the_times(shift: SiteF
     tick = largest_tick(fitted)
     assert tick is not None and tick <= 0.25
     assert largest_tick(resolve(SCENARIO)) is None
+
+
+def test_picks_of_a_type_are_fitted_if_they_differ_from_those_of_the_others() -> None:
+    one, other = lane_log(17, 2.0), lane_log(17, 2.0, pick=9.0)
+    both = Samples(*map(np.concatenate, zip(one.samples, other.samples, strict=True)))
+    rows = np.arange(len(both.x)) >= len(one.samples.x)
+    both = both._replace(robot=rows.astype(np.int32), y=np.where(rows, 0.5, 2.5))
+    both = both._replace(charge=both.charge * np.nan)
+    usable = np.append(one.usable, other.usable)
+    types = [{"name": "a", "robots": 1}, {"name": "b", "robots": 1}]
+    scenario = {**SCENARIO, "fleet": {**SCENARIO["fleet"], "types": types}}
+    log = one._replace(samples=both, usable=usable, robots=("0", "1"))
+    fits = fit_site(log, resolve(scenario))
+    for name, seconds in (("a", PICK), ("b", 9.0)):
+        fit = fits.estimates[f"fleet.types.{name}.durations.pick"].fit
+        assert fit.value == pytest.approx(seconds, rel=0.02)
+    settings = settings_of(fits, scenario)
+    pick = settings["fleet"]["types"][1]["durations"]["pick"]
+    assert float(pick.removesuffix(" s")) == pytest.approx(9, rel=0.02)
+    assert "handling_jitter" not in settings["durations"], "the mixture of both looks uniform"
 
 
 def test_too_few_observations_are_named_and_not_fitted() -> None:
@@ -172,7 +196,8 @@ def test_operations_that_no_message_sees_do_not_bias_the_mean() -> None:
 
 def test_the_family_is_chosen_by_aic_and_its_observed_times_are_a_list() -> None:
     rng = np.random.default_rng(3)
-    fit = fit_durations(observed(rng, rng.uniform(4, 16, 400), 1.0))
+    data = observed(rng, rng.uniform(4, 16, 400), 1.0)
+    fit = fit_durations(data)._replace(empirical=duration_fits.empirical_quantiles(data))
     assert fit.family == "uniform" and fit.p > duration_fits.REJECTED
     assert np.mean(fit.empirical) == pytest.approx(10, rel=0.05)
     settings = settings_of(with_handling(fit), {})
@@ -201,24 +226,18 @@ def test_breakdowns_have_an_exact_poisson_interval() -> None:
 def test_charging_slows_down_where_the_log_shows_it() -> None:
     seconds = np.arange(0.0, 9000, 2)
     charge = np.minimum(20 + seconds / 100, 80 + (seconds - 6000) / 300)
-    log = log_of(
-        seconds,
-        seconds * 0 + 0.5,
-        seconds * 0,
-        seconds * 0,
-        charge,
-        seconds > 1e9,
-        seconds * 0,
-        seconds * 0,
-    )
-    track = site_of(log, resolve(SCENARIO)).track
-    (_, fast), (start, slow) = fit_charging(track, charge, np.ones(len(seconds), bool))
+    none = seconds * 0
+    log = log_of(seconds, none + 0.5, none, none, charge, none > 0, none, none)
+    log = log._replace(samples=log.samples._replace(charging=np.ones(len(seconds), np.int8)))
+    lane = resolve(SCENARIO)
+    track = placed(log, lane.floor_plan, lane.scenario.units)
+    (_, fast), (start, slow) = fit_charging(track)
     assert (fast, slow, start) == pytest.approx((0.01, 1 / 300, 80), rel=0.02)
 
 
 def test_names_of_robots_that_are_numbers_tell_their_types() -> None:
-    assert type_of_robots(("3", "0"), (2, 2)).tolist() == [1, 0]
-    assert type_of_robots(("west", "east"), (1, 1)).tolist() == [1, 0]
+    assert numbers_of_robots(("3", "0"), 4).tolist() == [3, 0]
+    assert numbers_of_robots(("agv-10", "agv-9", "agv-1"), 4).tolist() == [2, 1, 0]
 
 
 def test_operations_are_those_of_vda_5050_by_default() -> None:

@@ -160,13 +160,13 @@ def test_a_line_that_is_cut_short_is_the_last(tmp_path: Path) -> None:
         (
             "robot,time,x\n",
             {},
-            "there is no column 'y'; use --columns y=NAME; the columns are robot",
+            "there is no column 'y'; use --column y=NAME; the columns are robot",
         ),
         ("robto,time,x,y\n", {}, "there is no column 'robot' (did you mean 'robto'?)"),
         (
             "agv,time,x,y\n",
             {"robt": "agv"},
-            "--columns robt=... is not possible (did you mean 'robot'",
+            "--column robt=... is not possible (did you mean 'robot'",
         ),
         (
             "robot,time,x,y\n1,now,2,3\n",

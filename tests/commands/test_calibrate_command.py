@@ -34,7 +34,7 @@ MESSAGES = "robot,time,x,y\n" + "".join(f"0,{second},{second}.5,0.5\n" for secon
         ("{log} --out f.yaml", "a log needs --floor SCENARIO"),
         ("{log} --orders {log} --floor goods-mini --out f.yaml", "no column for released"),
         (
-            "{log} --floor goods-mini --out f.yaml --actions lift=pick",
+            "{log} --floor goods-mini --out f.yaml --action lift=pick",
             "'lift' is not an operation; use pick, drop or handling",
         ),
         ("{log} --floor goods-mini --out f.yaml --pairs 1", "'1' is not a number of pairs, or 0"),

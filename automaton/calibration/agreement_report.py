@@ -37,7 +37,6 @@ from automaton.documents.report_document import (
     Table,
     Text,
 )
-from automaton.floor.floor_plan import NIL
 from automaton.units import count, percent
 
 EPOCH: Final = datetime.datetime(1970, 1, 1)
@@ -97,13 +96,13 @@ def missing(one: QuantityDifference, days: int) -> str:
     within = percent(one.tolerance or 0, 0)
     if one.days_needed is None:
         return (
-            "one day has no spread; a match within 5 % takes 4, 11 or 44 days that differ by 3, 5 or 10 % "
-            "(power 90 %)"
+            "one day has no spread; a match within 5 % takes 4, 11 or 44 days that differ by 3, 5 or "
+            "10 % (power 90 %)"
         )
     if one.days_needed > days:
         return (
-            f"a match of {one.quantity} within {within} takes {count(one.days_needed, 'day')} that differ "
-            f"as these {days:,} do (power 90 %)"
+            f"a match of {one.quantity} within {within} takes {count(one.days_needed, 'day')} that "
+            f"differ as these {days:,} do (power 90 %)"
         )
     assert one.interval is not None and one.interval.low is not None, "several days"
     ends = f"{100 * one.interval.low:+.1f} to {100 * (one.interval.high or 0):+.1f} %"
@@ -151,11 +150,16 @@ def reasons(compared: Compared) -> Iterator[str]:
             f"robots spend {one.real - one.simulated:+,.0f} s a day on {place_of(compared, one.stretch)} "
             f"({_p(one.p)})"
         )
-    for difference in judged(result) if result.verdict != MATCHES else ():
-        if difference.verdict == MATCHES:
-            yield f"{difference.quantity} matches within {percent(difference.tolerance or 0, 0)}"
-        elif result.verdict == DIFFERS and difference.p > ERROR:
-            yield f"not shown to match: {missing(difference, len(days))}"
+    if result.verdict != MATCHES:
+        yield from (
+            f"{one.quantity} matches within {percent(one.tolerance or 0, 0)}"
+            for one in judged(result)
+            if one.verdict == MATCHES
+        )
+    if result.verdict == DIFFERS:
+        open_ones = (one for one in judged(result) if one.verdict != MATCHES and one.p > ERROR)
+        why = dict.fromkeys(missing(one, len(days)) for one in open_ones)
+        yield from (f"not shown to match: {one}" for one in why)
 
 
 def _p(p: float) -> str:
@@ -197,9 +201,9 @@ def verdict_word(one: QuantityDifference) -> str:
 def reading_lines(days: int) -> list[str]:
     """How to read the table of quantities."""
     lines = [
-        "Times are in seconds. diff.: mean of (site / model - 1) over the days. p: adjusted for all tests "
-        "of the page; at most 0.05 is a difference. matches: the 90 % interval lies within the tolerance "
-        "(two one-sided tests at 5 %); open: it does not."
+        "Times are in seconds. diff.: mean of (site / model - 1) over the days. p: adjusted for all "
+        "tests of the page; at most 0.05 is a difference. matches: the 90 % interval lies within the "
+        "tolerance (two one-sided tests at 5 %); open: it does not."
     ]
     return lines if days > 1 else [*lines, "With one day, only its band is tested."]
 
@@ -278,7 +282,7 @@ def place_of(compared: Compared, stretch: int) -> str:
 def seconds_maps(compared: Compared) -> Iterator[HeatMap]:
     """Where robots spend more time at the site than in the model, and where less, cell by cell."""
     floor_plan, stretch_of = compared.floor_plan, compared.stretch_of
-    sizes = np.bincount(stretch_of[stretch_of != NIL])
+    sizes = np.bincount(stretch_of[stretch_of >= 0])
     apart = np.where(floor_plan.drivable.ravel(), 0.0, math.nan)
     for one in compared.agreement.stretches:
         apart[stretch_of == one.stretch] = (one.real - one.simulated) / sizes[one.stretch]

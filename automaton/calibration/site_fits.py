@@ -14,7 +14,7 @@ import numpy as np
 
 from automaton.calibration import battery_fits, duration_fits, motion_fits, stop_fits
 from automaton.calibration.log_on_floor import RobotTracks, placed
-from automaton.calibration.motion_fits import FittedValue
+from automaton.calibration.motion_fits import FittedValue as FittedValue
 from automaton.calibration.state_log import StateLog, numbers_of_robots
 from automaton.scenario.robot_types import type_of_each, types_of
 from automaton.scenario.schema import Scenario

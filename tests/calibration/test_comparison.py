@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-import yaml
 
 from automaton.calibration import agreement as judged
 from automaton.calibration import output_tuning
@@ -23,15 +22,11 @@ from automaton.calibration.fleet_trace import (
     trace_of_log,
 )
 from automaton.calibration.log_on_floor import placed
-from automaton.calibration.output_tuning import (
-    Tuned,
-    tune_outputs,
-    tuned_numbers,
-    with_numbers,
-)
+from automaton.calibration.output_tuning import TunedValue, tuned_numbers, with_numbers
 from automaton.calibration.site_day import ComparedSite, SiteDay, parts_of, read_days
 from automaton.calibration.state_log import read_log
 from automaton.commands import main
+from automaton.commands.arguments import settings_in
 from automaton.engine.state import NIL, ORDER_DELIVERED
 from automaton.errors import InputError
 from automaton.runs.headless import Sampling, run_to_end
@@ -246,24 +241,34 @@ def test_robots_begin_where_the_log_has_them_if_the_floor_allows(folder: Path) -
         assert (simulation.world.orders.state == ORDER_DELIVERED).sum() > 5
 
 
-def test_two_numbers_at_most_are_tuned_until_days_agree(
-    folder: Path, monkeypatch: pytest.MonkeyPatch
+def test_a_number_is_tuned_until_days_agree(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr(output_tuning, "DAYS_AND_SEEDS", 5)
-    site = site_in(folder, "durations.pick=8")
-    data = yaml.safe_load(SCENARIO) | {"durations": {"pick": 8, "move": {"empty": "1 m/s"}}}
-    (number,) = tuned_numbers(["durations.pick"], data)
-    days = read_days(site, folder / "day.jsonl", None)
-    tuning = tune_outputs(site, days, [number], 100, 1, lambda runs: None)
-    (tuned,) = tuning.tuned
-    assert number.value(tuned.factor) in (3, 4)  # 4 at the site
-    before, after = tuning.outputs["lead time"][1:]
-    assert abs(after / tuning.outputs["lead time"].site - 1) < 0.05 < abs(before / after - 1)
-    assert tuning.runs <= 100 and "one day has no spread" in tuning.doubts[0]
-    settings: dict[str, Any] = {}
-    speed = tuned_numbers(["durations.move.empty"], data)[0]
-    with_numbers(settings, data, [tuned, Tuned(speed, 0.5, None)])
-    assert settings["durations"]["move"] == {"empty": "0.5 m/s"}
+    out = folder / "tuned.yaml"
+    command = ["calibrate", str(folder / "day.jsonl"), "--floor", str(folder / "site.yaml")]
+    command += ["--set", "durations.pick=8", "--tune", "durations.pick", "--pairs", "0"]
+    command += ["--workers", "1", "--out", str(out), "--json", "--budget"]
+    assert main([*command, "100"]) == 0
+    tuned = json.loads(capsys.readouterr().out)["tuned"]
+    assert tuned["numbers"][0]["before"] == 8
+    assert settings_in(out) == [f"durations.pick={tuned['numbers'][0]['after']}"]
+    assert tuned["numbers"][0]["after"] in (3, 4)  # 4 at the site
+    lead_time = tuned["outputs"][1]
+    before, after = (abs(lead_time[one] / lead_time["site"] - 1) for one in ("before", "after"))
+    assert after < 0.05 < before
+    assert tuned["runs"] <= 100 and "one day has no spread" in tuned["doubts"][0]
+    assert "`compare` needs other days" in out.read_text()
+    assert main([*command, "20"]) == 2
+    assert "need at least 50 runs" in capsys.readouterr().err
+
+
+def test_two_numbers_at_most_are_tuned_and_the_rest_of_their_sections_stays() -> None:
+    data = {"durations": {"pick": 8, "move": {"empty": "1 m/s"}}, "fleet": {"kinematics": "omni"}}
+    settings: dict[str, Any] = {"durations": {"pick": "7 s"}}
+    (speed,) = tuned_numbers(["durations.move.empty"], data)
+    with_numbers(settings, data, [TunedValue(speed, 0.5, None)])
+    assert settings == {"durations": {"pick": "7 s", "move": {"empty": "0.5 m/s"}}}
     for keys, sentence in (
         ("durations.pik", "did you mean 'durations.pick'"),
         ("fleet.kinematics", "is not a number of the scenario"),
@@ -271,8 +276,6 @@ def test_two_numbers_at_most_are_tuned_until_days_agree(
     ):
         with pytest.raises(InputError, match=sentence):
             tuned_numbers(keys.split(","), data)
-    with pytest.raises(InputError, match="need at least 50 runs"):
-        tune_outputs(site, days, [number], 20, 1, lambda runs: None)
 
 
 # Verdicts, on random quantities.

@@ -185,8 +185,8 @@ def _ordered(arrays: dict[str, Array], names: LogNames, reader: LineReader) -> S
         versions=dict(reader.versions),
         silent_s=float(pauses[pauses > MAX_GAP_MS].sum()) / 1000,
     )
-    known = (tuple(one) for one in (names.robots, names.loads, names.actions))
-    return StateLog(samples, *known, orders, usable, counts)
+    robots, loads, actions = map(tuple, (names.robots, names.loads, names.actions))
+    return StateLog(samples, robots, loads, actions, orders, usable, counts)
 
 
 def _distinct_orders(samples: Samples, names: Sequence[str]) -> tuple[Array, tuple[str, ...]]:

@@ -21,11 +21,13 @@ from automaton.calibration.motion_fits import FittedValue
 Array = np.ndarray[Any, Any]
 
 DRAIN_STATES: Final = ("move", "turn", "pick", "drop", "wait")
-HANDLING: Final = ("pick", "drop")
-MAX_SEPARATE_WIDTH: Final = 0.15  # of an interval, with which picks and drops are told apart
-MAX_WIDTH: Final = 1.0  # of an interval
+PICK_AND_DROP: Final = ("pick", "drop")
+MAX_SEPARATE_INTERVAL: Final = (
+    0.15  # of an interval, with which picks and drops have values of their own
+)
+MAX_INTERVAL: Final = 1.0  # of an interval
 MIN_WINDOWS: Final = 20
-WINDOW_S: Final = 60.0  # between the begins of windows, about
+CHARGE_WINDOW_S: Final = 60.0  # between the begins of windows, about
 LONG_WINDOW_S: Final = 300.0  # if these may cut an operation
 ROUNDED: Final = 0.25  # share of pairs with a change of charge, below which it is rounded
 COMMON: Final = 0.05  # share of messages in motion
@@ -122,10 +124,10 @@ def fit_drains(
     }
     states = [name for name in DRAIN_STATES if name in table]
     fit = _fit_table(table, lost[is_complete], [(name,) for name in states], errors, seed)
-    has_both = all(name in states for name in HANDLING)
-    if not has_both or max(map(fit.width, HANDLING)) < MAX_SEPARATE_WIDTH:
+    has_both = all(name in states for name in PICK_AND_DROP)
+    if not has_both or max(map(fit.width, PICK_AND_DROP)) < MAX_SEPARATE_INTERVAL:
         return fit
-    groups = [HANDLING, *((name,) for name in states if name not in HANDLING)]
+    groups = [PICK_AND_DROP, *((name,) for name in states if name not in PICK_AND_DROP)]
     return _fit_table(table, lost[is_complete], groups, errors, seed)
 
 
@@ -146,7 +148,7 @@ def _fit_table(
         table, lost = table[:, usual], lost[usual]
     has_factor = bool(table[1].sum() > MIN_SHARE * table.sum() and table[0].sum() > 0)
     best = _solve(table, lost, has_factor)
-    # Windows are drawn anew, and the seconds of states err as fitted durations do.
+    # Windows are drawn again, and the seconds of states err as fitted durations do.
     rng, resampled = np.random.default_rng(seed), []
     spread = np.array([errors.get(group[0], (0.0, 0.0)) for group in groups]).T
     for _ in range(RESAMPLES):
@@ -161,7 +163,7 @@ def _fit_table(
         for value, low, high in np.stack((best, *ends), axis=1).tolist()
     ]
     drains = {name: fit for group, fit in zip(groups, fits, strict=False) for name in group}
-    return DrainFit(drains, fits[-1] if has_factor else None, HANDLING in groups)
+    return DrainFit(drains, fits[-1] if has_factor else None, PICK_AND_DROP in groups)
 
 
 def window_begins(track: RobotTracks, change: Array, rows: Array) -> Array:
@@ -174,7 +176,7 @@ def window_begins(track: RobotTracks, change: Array, rows: Array) -> Array:
     if np.count_nonzero(change[rows]) < ROUNDED * len(rows):
         candidates, length = rows[change[rows] != 0] + 1, LONG_WINDOW_S
     else:
-        moving, length = track.driving & ~track.acts, WINDOW_S
+        moving, length = track.driving & ~track.acts, CHARGE_WINDOW_S
         at_centre = moving & (track.place % 1 == 0).all(axis=0)
         candidates = np.flatnonzero(
             at_centre if at_centre.sum() > COMMON * moving.sum() else moving

@@ -356,14 +356,14 @@ def _fit_battery(fitting: Fitting, turns: Array) -> tuple[tuple[float, float], .
         key = f"battery.drain.{name}"
         if not fitting.is_long_enough(key, shortest.get(name, math.inf)):
             continue
-        if fit is not None and fit.width(name) > battery_fits.MAX_WIDTH:
+        if fit is not None and fit.width(name) > battery_fits.MAX_INTERVAL:
             low, high = drain.low * HOUR, drain.high * HOUR
-            text = f"{key}: {low:.3g} to {high:.3g} %/h, not told apart from other states"
+            text = f"{key}: {low:.3g} to {high:.3g} %/h, not separable from other states"
             fitting.unsaid.append(text)
             continue
         present = getattr(battery.drain, name) * HOUR / fitting.tick if battery else None
-        is_joint = fit is not None and fit.is_joint and name in battery_fits.HANDLING
-        remark = "picks and drops together: not told apart" if is_joint else ""
+        is_joint = fit is not None and fit.is_joint and name in battery_fits.PICK_AND_DROP
+        remark = "picks and drops together" if is_joint else ""
         observed = f"{drain.n:,} windows"
         fitting.add(Estimate(key, "%/h", present, drain.scaled(HOUR), observed, remark))
     if fit and fit.loaded_factor:

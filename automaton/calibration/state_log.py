@@ -24,7 +24,7 @@ MAX_GAP_MS: Final = (
     31_000  # VDA 5050 asks for a message every 30 s; a second for clocks that differ
 )
 NUMBER_WIDTH: Final = 20  # digits of numbers in names, to sort these
-ORDER_PAUSE_MS: Final = 3_600_000  # sites number their orders anew, as each day
+ORDER_PAUSE_MS: Final = 3_600_000  # sites begin with number 1 again, as each day
 MIN_SILENT_S: Final = 360.0  # 0.1 h
 CLOCK_STEP_MS: Final = 1000  # smaller steps back are unordered messages
 MESSAGES_AT_A_TIME: Final = 8192  # rows held as Python objects

@@ -270,7 +270,8 @@ def orders_of_file(
     tick = scenario.units.scale.tick_seconds
     releases = np.array([order.release for order in listed]) - int(DAY_S / tick)
     names = [] if form == "lines" else order_names(named, path)
-    code = {name: number for number, name in enumerate(log.orders)}
+    numbers = np.unique(log.samples.order[log.samples.order > 0]) - 1
+    code = {log.orders[number]: number for number in numbers.tolist()}
     codes = np.array([code.get(name, NIL) for name in names] or [NIL] * len(listed))
     chosen = np.flatnonzero((releases < ticks) & ((releases >= 0) | (codes != NIL)))
     if not len(chosen):

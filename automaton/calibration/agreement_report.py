@@ -37,7 +37,6 @@ from automaton.documents.report_document import (
     Table,
     Text,
 )
-from automaton.floor.floor_plan import NIL
 from automaton.units import count, percent
 
 EPOCH: Final = datetime.datetime(1970, 1, 1)
@@ -283,7 +282,7 @@ def place_of(compared: Compared, stretch: int) -> str:
 def seconds_maps(compared: Compared) -> Iterator[HeatMap]:
     """Where robots spend more time at the site than in the model, and where less, cell by cell."""
     floor_plan, stretch_of = compared.floor_plan, compared.stretch_of
-    sizes = np.bincount(stretch_of[stretch_of != NIL])
+    sizes = np.bincount(stretch_of[stretch_of >= 0])
     apart = np.where(floor_plan.drivable.ravel(), 0.0, math.nan)
     for one in compared.agreement.stretches:
         apart[stretch_of == one.stretch] = (one.real - one.simulated) / sizes[one.stretch]

@@ -21,10 +21,13 @@ from automaton.calibration.motion_fits import FittedValue
 Array = np.ndarray[Any, Any]
 
 DRAIN_STATES: Final = ("move", "turn", "pick", "drop", "wait")
-HANDLING: Final = ("pick", "drop")
-MAX_WIDTH: Final = 0.1  # of an interval, relative to the value: picks and drops are told apart
+PICK_AND_DROP: Final = ("pick", "drop")
+MAX_SEPARATE_INTERVAL: Final = (
+    0.15  # of an interval, with which picks and drops have values of their own
+)
+MAX_INTERVAL: Final = 1.0  # of an interval
 MIN_WINDOWS: Final = 20
-WINDOW_S: Final = 60.0  # between the begins of windows, about
+CHARGE_WINDOW_S: Final = 60.0  # between the begins of windows, about
 LONG_WINDOW_S: Final = 300.0  # if these may cut an operation
 ROUNDED: Final = 0.25  # share of pairs with a change of charge, below which it is rounded
 COMMON: Final = 0.05  # share of messages in motion
@@ -46,10 +49,11 @@ class DrainFit(NamedTuple):
     loaded_factor: FittedValue | None  # None: too few seconds with a load
     is_joint: bool  # picks and drops have one value: as many of both are in most windows
 
-    def is_vague(self, name: str) -> bool:
-        """Whether the interval of a state is wide."""
-        fit = self.drains.get(name)
-        return fit is not None and fit.high - fit.low > MAX_WIDTH * fit.value
+    def width(self, name: str) -> float:
+        """The width of the interval of a state relative to its value, at least a tenth of the largest."""
+        low, high = self.drains[name][1:3]
+        least = max(one.value for one in self.drains.values()) / 10
+        return (high - low) / max(self.drains[name].value, least, 1e-12)
 
 
 def state_seconds(
@@ -120,9 +124,10 @@ def fit_drains(
     }
     states = [name for name in DRAIN_STATES if name in table]
     fit = _fit_table(table, lost[is_complete], [(name,) for name in states], errors, seed)
-    if not any(fit.is_vague(name) for name in HANDLING):
+    has_both = all(name in states for name in PICK_AND_DROP)
+    if not has_both or max(map(fit.width, PICK_AND_DROP)) < MAX_SEPARATE_INTERVAL:
         return fit
-    groups = [HANDLING, *((name,) for name in states if name not in HANDLING)]
+    groups = [PICK_AND_DROP, *((name,) for name in states if name not in PICK_AND_DROP)]
     return _fit_table(table, lost[is_complete], groups, errors, seed)
 
 
@@ -143,7 +148,7 @@ def _fit_table(
         table, lost = table[:, usual], lost[usual]
     has_factor = bool(table[1].sum() > MIN_SHARE * table.sum() and table[0].sum() > 0)
     best = _solve(table, lost, has_factor)
-    # Windows are drawn anew, and the seconds of states err as fitted durations do.
+    # Windows are drawn again, and the seconds of states err as fitted durations do.
     rng, resampled = np.random.default_rng(seed), []
     spread = np.array([errors.get(group[0], (0.0, 0.0)) for group in groups]).T
     for _ in range(RESAMPLES):
@@ -158,7 +163,7 @@ def _fit_table(
         for value, low, high in np.stack((best, *ends), axis=1).tolist()
     ]
     drains = {name: fit for group, fit in zip(groups, fits, strict=False) for name in group}
-    return DrainFit(drains, fits[-1] if has_factor else None, HANDLING in groups)
+    return DrainFit(drains, fits[-1] if has_factor else None, PICK_AND_DROP in groups)
 
 
 def window_begins(track: RobotTracks, change: Array, rows: Array) -> Array:
@@ -171,7 +176,7 @@ def window_begins(track: RobotTracks, change: Array, rows: Array) -> Array:
     if np.count_nonzero(change[rows]) < ROUNDED * len(rows):
         candidates, length = rows[change[rows] != 0] + 1, LONG_WINDOW_S
     else:
-        moving, length = track.driving & ~track.acts, WINDOW_S
+        moving, length = track.driving & ~track.acts, CHARGE_WINDOW_S
         at_centre = moving & (track.place % 1 == 0).all(axis=0)
         candidates = np.flatnonzero(
             at_centre if at_centre.sum() > COMMON * moving.sum() else moving
@@ -212,9 +217,11 @@ def fit_charging(track: RobotTracks) -> tuple[tuple[float, float], ...]:
     change = np.append(np.diff(charge), 0.0)
     both = charging & np.append(charging[1:], False) & track.usable & (charge < FULL)
     both &= np.isfinite(change)
-    percent = np.clip(np.floor(charge[both]), 0, 99).astype(np.int64)
-    time = np.bincount(percent, track.elapsed[both], 100)
-    gained = np.bincount(percent, change[both], 100)
+    rows = np.flatnonzero(both)
+    rows = rows[_between_changes(rows, change)]
+    percent = np.clip(np.floor(charge[rows]), 0, 99).astype(np.int64)
+    time = np.bincount(percent, track.elapsed[rows], 100)
+    gained = np.bincount(percent, change[rows], 100)
     if time.sum() < MIN_BIN_SECONDS:
         return ()
     known = np.flatnonzero(time > 0)
@@ -229,6 +236,22 @@ def fit_charging(track: RobotTracks) -> tuple[tuple[float, float], ...]:
     parts = zip(np.split(rate, begins[1:]), np.split(weight, begins[1:]), strict=True)
     rates = [float(np.average(part, weights=of)) for part, of in parts]
     return tuple(zip([0.0, *known[begins[1:]].astype(float).tolist()], rates, strict=True))
+
+
+def _between_changes(rows: Array, change: Array) -> Array:
+    """(k,) bool: rows after the first change and up to the last one of those without a gap between them.
+
+    Only where a rounded charge changes is it exact.
+    """
+    if not len(rows):
+        return np.zeros(0, np.bool_)
+    changes = (change[rows] != 0).astype(np.int64)
+    begins = np.flatnonzero(np.diff(rows, prepend=-2) > 1)
+    lengths = np.diff(begins, append=len(rows))
+    before = np.cumsum(changes) - changes
+    since = before - np.repeat(before[begins], lengths)
+    out: Array = (since > 0) & (since < np.repeat(np.add.reduceat(changes, begins), lengths))
+    return out
 
 
 def _steps(rate: Array, weight: Array, steps: int) -> tuple[float, list[int]]:

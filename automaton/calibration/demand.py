@@ -69,9 +69,10 @@ class Dispersion(NamedTuple):
 class WeeklyDemand(NamedTuple):
     """The demand of a file of orders."""
 
-    begin: datetime.datetime  # the hour of the first order
-    counts: Array  # (h,) orders in each hour from `begin` on, to the hour of the last order
-    rates: Array  # (168,) mean orders in each hour of the week from Monday 0:00 on
+    first: datetime.datetime  # of the earliest order
+    days: int  # calendar days from the first order to the last
+    weeks: Array  # (w, 168) orders in each hour from Monday 0:00 on; nan before the first, after the last
+    rates: Array  # (168,) mean orders in each hour of the week
     orders: Dispersion
     batches: Dispersion
     sizes: Array  # (b,) orders of each batch
@@ -86,19 +87,17 @@ class WeeklyDemand(NamedTuple):
         return float(np.mean(batch_sizes(self.batch)))
 
     @property
-    def weekly(self) -> list[float]:
-        """The mean number of orders an hour in each complete week."""
-        weeks = len(self.counts) // HOURS_OF_WEEK
-        means: list[float] = (
-            self.counts[: weeks * HOURS_OF_WEEK].reshape(weeks, -1).mean(axis=1).tolist()
-        )
-        return means
+    def total(self) -> int:
+        """The number of orders."""
+        return int(self.sizes.sum())
 
     @property
-    def days(self) -> int:
-        """Calendar days from the first order to the last."""
-        end = self.begin + datetime.timedelta(hours=len(self.counts) - 1)
-        return (end.date() - self.begin.date()).days + 1
+    def weekly(self) -> list[float]:
+        """The mean number of orders an hour in each week that is covered for the most part."""
+        is_known = ~np.isnan(self.weeks)
+        weeks = np.where(is_known, self.weeks, self.rates)[is_known.mean(axis=1) > 0.5]
+        means: list[float] = weeks.mean(axis=1).tolist()
+        return means
 
 
 def read_releases(
@@ -144,33 +143,38 @@ def _offset_of(text: str, time: str | None) -> datetime.timedelta:
 
 def fit_demand(releases: Releases) -> WeeklyDemand:
     """Fit the rates of a week and the sizes of batches."""
-    hour = datetime.timedelta(hours=1)
-    begin = releases.first.replace(minute=0, second=0, microsecond=0)
-    at = releases.seconds + round((releases.first - begin).total_seconds())
-    counts = np.bincount(at // SECONDS_OF_HOUR)
-    of_week = (int((begin - datetime.datetime(1, 1, 1)) / hour) + np.arange(len(counts))) % (
-        HOURS_OF_WEEK
-    )
-    covered = np.bincount(of_week, minlength=HOURS_OF_WEEK)
-    totals = np.bincount(of_week, counts, HOURS_OF_WEEK)
+    monday = datetime.datetime.combine(releases.first.date(), datetime.time())
+    monday -= datetime.timedelta(days=releases.first.weekday())
+    at = releases.seconds + round((releases.first - monday).total_seconds())
     times, sizes = np.unique(at, return_counts=True)
+    weeks, batches = (orders_by_hour(some, int(at[0]), int(at[-1])) for some in (at, times))
     gaps = np.diff(at)
-    is_single = ties_are_rounded(times, sizes, counts)
-    batch = 1 if is_single else fitted_batch(sizes)
+    batch = 1 if ties_are_rounded(times, sizes, weeks) else fitted_batch(sizes)
     drawn = np.array(batch_sizes(batch), float)
     mean_gap = float(gaps.mean()) if len(gaps) else 0.0
+    covered = ~np.isnan(weeks)
     return WeeklyDemand(
-        begin=begin,
-        counts=counts,
-        rates=totals / np.maximum(covered, 1),
-        orders=dispersion(counts, of_week),
-        batches=dispersion(np.bincount(times // SECONDS_OF_HOUR, minlength=len(counts)), of_week),
+        first=releases.first,
+        days=int(np.ptp(at[[0, -1]] // (HOURS_OF_DAY * SECONDS_OF_HOUR))) + 1,
+        weeks=weeks,
+        rates=np.nansum(weeks, axis=0) / np.maximum(covered.sum(axis=0), 1),
+        orders=dispersion(weeks),
+        batches=dispersion(batches),
         sizes=sizes,
         batch=batch,
         zero_gaps=float((gaps == 0).mean()) if len(gaps) else 0.0,
         gap_variation=float(gaps.std()) / mean_gap if mean_gap else 0.0,
         fitted_dispersion=float((drawn**2).mean() / drawn.mean()),
     )
+
+
+def orders_by_hour(seconds: Array, first: int, last: int) -> Array:
+    """(w, 168) how many of the times, in seconds from a Monday 0:00 on, are in each hour; nan outside of
+    the hours from that of `first` to that of `last`."""
+    begin, end = first // SECONDS_OF_HOUR, last // SECONDS_OF_HOUR + 1
+    hours = np.full(-(-end // HOURS_OF_WEEK) * HOURS_OF_WEEK, np.nan)
+    hours[begin:end] = np.bincount(seconds // SECONDS_OF_HOUR, minlength=end)[begin:]
+    return hours.reshape(-1, HOURS_OF_WEEK)
 
 
 def check_weeks(demand: WeeklyDemand, file: str) -> None:
@@ -180,18 +184,17 @@ def check_weeks(demand: WeeklyDemand, file: str) -> None:
         raise InputError(f"covers {count(demand.days, 'day')}; {text}", file)
 
 
-def dispersion(counts: Array, of_week: Array) -> Dispersion:
+def dispersion(weeks: Array) -> Dispersion:
     """Variance / mean of counts, from hours of the week that are there twice at least.
 
     The test is that of Fisher for the sum of all hours; its chi-square is transformed to a normal
     variable (Wilson & Hilferty 1931), which is exact enough from 30 degrees of freedom on.
     """
-    chi_square, degrees = 0.0, 0
-    for hour in range(HOURS_OF_WEEK):
-        own = counts[of_week == hour]
-        if len(own) > 1 and own.mean() >= MIN_HOUR_MEAN:
-            chi_square += float(((own - own.mean()) ** 2).sum() / own.mean())
-            degrees += len(own) - 1
+    many = (~np.isnan(weeks)).sum(axis=0)
+    mean = np.nansum(weeks, axis=0) / np.maximum(many, 1)
+    used = (many > 1) & (mean >= MIN_HOUR_MEAN)
+    chi_square = float((np.nansum((weeks - mean) ** 2, axis=0)[used] / mean[used]).sum())
+    degrees = int((many[used] - 1).sum())
     if not degrees:
         return Dispersion(math.nan, 0, math.nan)
     spread = 2 / (9 * degrees)
@@ -199,11 +202,11 @@ def dispersion(counts: Array, of_week: Array) -> Dispersion:
     return Dispersion(chi_square / degrees, degrees, 2 * NormalDist().cdf(-abs(z)))
 
 
-def ties_are_rounded(times: Array, sizes: Array, counts: Array) -> bool:
+def ties_are_rounded(times: Array, sizes: Array, weeks: Array) -> bool:
     """Whether as many orders have equal times as rounding the times of single orders would cause."""
     unit = int(np.gcd.reduce(np.diff(times))) if len(times) > 1 else 1
     slots = max(SECONDS_OF_HOUR // max(unit, 1), 1)
-    busy = counts[counts > 0].astype(float)
+    busy = weeks[weeks > 0]
     expected = float((busy - slots * (1 - (1 - 1 / slots) ** busy)).sum())
     ties = int((sizes - 1).sum())
     return ties <= expected + max(TIES_SIGMA * math.sqrt(expected), TIES_SHARE * float(sizes.sum()))

@@ -45,10 +45,10 @@ def demand_document(demand: WeeklyDemand, source: str, week: str) -> ReportDocum
 
 def demand_blocks(demand: WeeklyDemand) -> list[Block]:
     """The fitted demand beside the data."""
-    total = int(demand.counts.sum())
+    days = f"{count(demand.days, 'day')} from {demand.first:%Y-%m-%d}"
     return [
         Text(
-            f"{count(total, 'order')} on {count(demand.days, 'day')} from {demand.begin:%Y-%m-%d}; "
+            f"{count(demand.total, 'order')} on {days}; "
             f"{demand.rates.min():,.4g} to {demand.rates.max():,.4g} orders an hour of the week.",
             strong=True,
         ),
@@ -109,25 +109,16 @@ def _dispersion(one: Dispersion) -> str:
 
 def day_table(demand: WeeklyDemand) -> Table:
     """Orders of each weekday: fitted, and the days of the data that are complete."""
-    totals = orders_of_days(demand)
+    totals = demand.weeks.reshape(-1, DAYS_OF_WEEK, HOURS_OF_DAY).sum(axis=2)
     fitted = demand.rates.reshape(DAYS_OF_WEEK, HOURS_OF_DAY).sum(axis=1)
     rows = []
-    for day, name in enumerate(WEEKDAY_NAMES):
-        own = totals[day]
-        numbers = [f"{own.mean():,.1f}", f"{own.min():,}", f"{own.max():,}"] if len(own) else "---"
-        rows.append([name, f"{fitted[day]:,.1f}", str(len(own)), *numbers])
+    for name, one, own in zip(WEEKDAY_NAMES, fitted.tolist(), totals.T, strict=True):
+        own = own[np.isfinite(own)]
+        ends = (
+            [f"{own.mean():,.1f}", f"{own.min():,.0f}", f"{own.max():,.0f}"] if len(own) else "---"
+        )
+        rows.append([name, f"{one:,.1f}", str(len(own)), *ends])
     return Table(["weekday", "fitted", "complete days", "data mean", "least", "most"], rows)
-
-
-def orders_of_days(demand: WeeklyDemand) -> list[Any]:
-    """The orders of each complete day, by weekday from Monday."""
-    skipped = -demand.begin.hour % HOURS_OF_DAY
-    complete = demand.counts[skipped:]
-    days = len(complete) // HOURS_OF_DAY
-    totals = complete[: days * HOURS_OF_DAY].reshape(days, HOURS_OF_DAY).sum(axis=1)
-    first = demand.begin.weekday() + bool(skipped)
-    weekday = (first + np.arange(days)) % DAYS_OF_WEEK
-    return [totals[weekday == day] for day in range(DAYS_OF_WEEK)]
 
 
 def rate_table(demand: WeeklyDemand) -> Table:
@@ -143,20 +134,13 @@ def rate_table(demand: WeeklyDemand) -> Table:
 
 def rate_chart(demand: WeeklyDemand) -> Panels:
     """For each weekday the rates, with the least and the most orders of the data in each hour."""
-    hours = (
-        demand.begin.weekday() * HOURS_OF_DAY + demand.begin.hour + np.arange(len(demand.counts))
-    )
+    rows = np.concatenate([demand.weeks, demand.rates[None]])
+    ends = demand.rates, np.nanmin(rows, axis=0), np.nanmax(rows, axis=0)
+    label = "fitted; least and most in the data"
     charts = []
     for day, name in enumerate(WEEKDAY_NAMES):
-        low, high = [], []
-        for hour in range(HOURS_OF_DAY):
-            own = demand.counts[hours % len(demand.rates) == day * HOURS_OF_DAY + hour]
-            low.append(float(own.min()))
-            high.append(float(own.max()))
-        value = demand.rates[day * HOURS_OF_DAY : (day + 1) * HOURS_OF_DAY].tolist()
-        line = ReportCurve(
-            "fitted; least and most in the data", range(HOURS_OF_DAY), value, low, high
-        )
+        hours = slice(day * HOURS_OF_DAY, (day + 1) * HOURS_OF_DAY)
+        line = ReportCurve(label, range(HOURS_OF_DAY), *(one[hours].tolist() for one in ends))
         charts.append(Curves(name, "hour", "orders an hour", [line], from_zero=True))
     return Panels("Fitted rates, with the least and the most orders of the data", charts)
 
@@ -196,7 +180,7 @@ def demand_record(demand: WeeklyDemand, source: str, week: str) -> dict[str, Any
     return {
         "orders_file": source,
         "out": week,
-        "orders": int(demand.counts.sum()),
+        "orders": demand.total,
         "days": demand.days,
         "arrivals": {"profile": week, "batch": demand.batch},
         "rates": [round(rate, 4) for rate in demand.rates.tolist()],

@@ -275,6 +275,11 @@ class LineReader:
                 f"--column {unknown}=... is not possible{hint}; use {alternatives(CSV_COLUMNS)}"
             )
         columns = {name: self.columns.get(name, name) for name in CSV_COLUMNS}
+        alike = {one.lower(): one for one in reversed(head)}
+        columns = {
+            name: one if one in head else alike.get(one.lower(), one)
+            for name, one in columns.items()
+        }
         for name, column in columns.items():
             if column not in head and (name in REQUIRED or name in self.columns):
                 known = [one for one in head if one.isprintable()][:MAX_SHOWN]

@@ -27,7 +27,7 @@ CORE: Final = 2.5  # standard deviations beyond which slow pairs were obstructed
 LEVEL: Final = 0.95
 # Relative error of a speed through obstructions that no message shows. In calibration_trials.py, 95 %
 # of 80 speeds of 20 sites err by less than 1.2 %, most of them downwards.
-UNSEEN: Final = 0.01
+UNSEEN_ERROR: Final = 0.01
 
 
 class FittedValue(NamedTuple):
@@ -44,7 +44,7 @@ class FittedValue(NamedTuple):
 
     def with_unseen(self) -> FittedValue:
         """The same with an interval that allows for obstructions that no message shows."""
-        value, error = self.value, UNSEEN * self.value
+        value, error = self.value, UNSEEN_ERROR * self.value
         ends = (math.hypot(value - self.low, error), math.hypot(self.high - value, error))
         return FittedValue(value, value - ends[0], value + ends[1], self.n)
 

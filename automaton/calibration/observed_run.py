@@ -136,27 +136,26 @@ def _gap_of(log: StateLog, tick: Array) -> int:
 
 
 def _demand_of(log: StateLog, tick: Array) -> ObservedDemand:
-    """The orders of a run; a load that is carried for an order is the load of this order."""
+    """The orders of a run; a load belongs to the order for which it is carried, and each carry of a load
+    without one is an order."""
     samples = log.samples
     order = samples.order.astype(np.int64) - 1
     load = _known_before(samples.load, samples.robot).astype(np.int64) - 1
     # A load belongs to the order for which it was taken up, also when its robot has another one.
     begins = np.flatnonzero(np.diff(load, prepend=-2) | np.diff(samples.robot, prepend=NIL))
-    of_order = np.repeat(order[begins], np.diff(begins, append=len(load)))
-    load = np.where(load < 0, NIL, np.where(of_order != NIL, of_order, load + len(log.orders)))
-    both = np.concatenate((order, load))
-    named = np.unique(both)
-    first_ticks = np.full(len(log.orders) + len(log.loads), NIL, np.int64)
-    at = np.concatenate((tick, tick))
-    by_time = np.argsort(at, kind="stable")[::-1]
-    there = both[by_time] != NIL
-    first_ticks[both[by_time][there]] = at[by_time][there]  # the earliest is entered last
-    used = named[named != NIL]
-    used = used[np.argsort(first_ticks[used], kind="stable")]
-    number = np.full(len(first_ticks) + 1, NIL, np.int64)  # the last entry is that of NIL
-    number[used[:MAX_ORDERS]] = np.arange(len(used[:MAX_ORDERS]))
-    held = used[:MAX_ORDERS]
-    return ObservedDemand(first_ticks[held], number[order], number[load], len(used) - len(held))
+    orders = len(log.orders)
+    of_carry = np.where(order[begins] != NIL, order[begins], orders + np.arange(len(begins)))
+    load = np.where(load < 0, NIL, np.repeat(of_carry, np.diff(begins, append=len(load))))
+    # The last entry is that of NIL.
+    released = np.full(orders + len(begins) + 1, LAST_TICK, np.int64)
+    for named in (order, load):
+        np.minimum.at(released, named, tick)
+    used = np.unique((order, load))
+    used = used[used != NIL]
+    used = used[np.argsort(released[used], kind="stable")]
+    held, number = used[:MAX_ORDERS], np.full(len(released), NIL, np.int64)
+    number[held] = np.arange(len(held))
+    return ObservedDemand(released[held], number[order], number[load], len(used) - len(held))
 
 
 def _known_before(values: Array, robot: Array) -> Array:

@@ -32,7 +32,7 @@ from automaton.studies.inference.intervals import mean_interval
 Array = np.ndarray[Any, Any]
 
 MAX_TUNED: Final = 2
-ALLOWED: Final = np.array([TOLERANCES[name] for name in DECISIVE])
+LOSS_UNITS: Final = np.array([TOLERANCES[name] for name in DECISIVE])
 TUNED_SECTIONS: Final = ("durations", "fleet", "battery", "faults", "floor", "stations", "strategy")
 AMOUNT: Final = re.compile(r"([0-9]+(?:\.[0-9]+)?) ?([a-z%][^ ]*)")
 HALF_WIDTHS: Final = (0.8, 0.4, 0.2, 0.1)  # of the grids
@@ -69,7 +69,7 @@ class TunedNumber(NamedTuple):
         )
 
 
-class Tuned(NamedTuple):
+class TunedValue(NamedTuple):
     """A number before and after tuning."""
 
     number: TunedNumber
@@ -88,7 +88,7 @@ class TunedOutput(NamedTuple):
 class Tuning(NamedTuple):
     """The result of tuning."""
 
-    tuned: list[Tuned]
+    tuned: list[TunedValue]
     outputs: dict[str, TunedOutput]
     days: list[str]
     values: int  # that were tried
@@ -126,7 +126,9 @@ def tuned_numbers(keys: Sequence[str], data: Mapping[str, Any]) -> list[TunedNum
     return [known[key] for key in dict.fromkeys(keys)]
 
 
-def with_numbers(settings: dict[str, Any], data: Mapping[str, Any], tuned: Sequence[Tuned]) -> None:
+def with_numbers(
+    settings: dict[str, Any], data: Mapping[str, Any], tuned: Sequence[TunedValue]
+) -> None:
     """Put tuned numbers into settings; the rest of their sections is that of `data`."""
     for one in tuned:
         section, name, *rest = one.number.keys
@@ -197,7 +199,7 @@ class DayTrials:
         terms = np.linalg.lstsq(quadratic(logs), means, rcond=None)[0]
         steps = np.linspace(-half, half, SEARCHED)
         grid = np.stack(np.meshgrid(*[steps] * len(centre)), axis=-1).reshape(-1, len(centre))
-        loss = ((quadratic(grid) @ terms / ALLOWED) ** 2).sum(axis=1)
+        loss = ((quadratic(grid) @ terms / LOSS_UNITS) ** 2).sum(axis=1)
         best = grid[np.argmin(loss + REMAINS * ((grid + centre) ** 2).sum(axis=1))]
         ahead = np.stack(
             [quadratic(best + sign * half / 10 * np.eye(len(best))) for sign in (1, -1)]
@@ -208,7 +210,7 @@ class DayTrials:
 
 def loss_of(errors: Array) -> float:
     """The loss of errors of days."""
-    return float(((errors.mean(axis=0) / ALLOWED) ** 2).sum())
+    return float(((errors.mean(axis=0) / LOSS_UNITS) ** 2).sum())
 
 
 def quadratic(logs: Array) -> Array:
@@ -240,9 +242,9 @@ def tune_outputs(
         logs, others = min(trials.points, key=lambda point: loss_of(point[1]))
         if loss_of(others) < steps_off:  # whole numbers and ticks have no values in between
             best, errors = logs, others
-    ends = intervals(slopes, errors / ALLOWED, best)
+    ends = intervals(slopes, errors / LOSS_UNITS, best)
     tuned = [
-        Tuned(number, math.exp(log), end)
+        TunedValue(number, math.exp(log), end)
         for number, log, end in zip(numbers, best.tolist(), ends, strict=True)
     ]
     before, after = (
@@ -262,7 +264,7 @@ def tune_outputs(
 
 def intervals(slopes: Array, errors: Array, best: Array) -> Iterator[tuple[float, float] | None]:
     """Yield the ends of the interval of each factor; `errors`: (days, quantities), in tolerances."""
-    of_days = best - errors @ np.linalg.pinv(slopes / ALLOWED[:, None]).T  # (days, numbers)
+    of_days = best - errors @ np.linalg.pinv(slopes / LOSS_UNITS[:, None]).T  # (days, numbers)
     is_known = ~is_weak(slopes) & (not is_one_value(slopes))
     for log, values, known in zip(best.tolist(), of_days.T, is_known.tolist(), strict=True):
         half = mean_interval(values.tolist()).half if known else None
@@ -277,7 +279,7 @@ def is_weak(slopes: Array) -> Array:
 
 def is_one_value(slopes: Array) -> bool:
     """Whether several numbers change the outputs in one proportion."""
-    sizes = np.linalg.svd(slopes / ALLOWED[:, None], compute_uv=False)
+    sizes = np.linalg.svd(slopes / LOSS_UNITS[:, None], compute_uv=False)
     return slopes.shape[1] > 1 and bool(sizes[-1] < ONE_VALUE * sizes[0])
 
 
@@ -313,7 +315,7 @@ def tuning_blocks(tuning: Tuning) -> list[Block]:
     ]
     spent = f"{tuning.runs:,} of at most {tuning.budget:,} runs, {tuning.values} values"
     return [
-        Heading("Tuned outputs"),
+        Heading("TunedValue outputs"),
         Text(
             f"Outputs were tuned: {changes}, so that throughput and lead time of {days} agree with the "
             "site. These days cannot judge the model any more: `automaton compare` needs other days.",
@@ -324,7 +326,7 @@ def tuning_blocks(tuning: Tuning) -> list[Block]:
     ]
 
 
-def change_words(one: Tuned) -> str:
+def change_words(one: TunedValue) -> str:
     """A tuned number: "durations.pick from 8 s to 9.4 s (95 % interval 9.1 s to 9.8 s)"."""
     number = one.number
     ends = one.ends and " to ".join(str(number.value(end)) for end in one.ends)

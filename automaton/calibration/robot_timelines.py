@@ -11,8 +11,8 @@ order or a load stands and will drive on.
 from __future__ import annotations
 
 from bisect import bisect_left, bisect_right
-from collections import deque
 from collections.abc import Iterator
+from functools import lru_cache
 from itertools import pairwise
 from typing import Final, NamedTuple
 
@@ -68,46 +68,32 @@ class Ways:
         ]
         for bay, home in floor_plan.bays.tolist():
             self._next[bay], self._next[home] = (home,), (*self._next[home], bay)
-        self._known: dict[tuple[int, int], tuple[int, ...] | None] = {}
+        self._way = lru_cache(MAX_KNOWN_WAYS)(self._search)
 
     def between(self, one: int, other: int, most: float) -> tuple[int, ...] | None:
         """The cells from one cell to another, both included, if they are `most` cells apart at most."""
-        way = (one,) if one == other else self._way(one, other)
-        return None if way is None or len(way) - 1 > most else way
-
-    def _way(self, one: int, other: int) -> tuple[int, ...] | None:
+        way: tuple[int, ...] | None = (one,)
         if other - one in self.offsets and self._stands[one] and self._stands[other]:
-            return (one, other)  # also against a one-way street: real robots may
-        key = (one, other)
-        if key not in self._known:
-            if len(self._known) >= MAX_KNOWN_WAYS:
-                self._known.clear()
-            self._known[key] = self._search(one, other)
-        return self._known[key]
+            way = (one, other)  # also against a one-way street: real robots may
+        elif one != other:
+            way = self._way(one, other)
+        return None if way is None or len(way) - 1 > most else way
 
     def _search(self, one: int, other: int) -> tuple[int, ...] | None:
         """Breadth-first; a cell that is reached by two ways of one length has no only way."""
-        before, steps = {one: NIL}, {one: 0}
-        several: set[int] = set()
-        queue = deque([one])
-        while queue:
-            cell = queue.popleft()
-            if steps.get(other, MAX_WAY) <= steps[cell]:
-                break
-            for to in self._next[cell]:
-                if to not in steps:
-                    before[to], steps[to] = cell, steps[cell] + 1
-                    queue.append(to)
-                elif steps[to] == steps[cell] + 1:
-                    several.add(to)
-                if cell in several and before[to] == cell:
-                    several.add(to)
-        if other not in steps or other in several:
-            return None
-        way = [other]
-        while way[-1] != one:
-            way.append(before[way[-1]])
-        return tuple(reversed(way))
+        ways: dict[int, tuple[int, ...] | None] = {one: (one,)}
+        reached = {one}
+        for _ in range(MAX_WAY):
+            after: dict[int, tuple[int, ...] | None] = {}
+            for cell, way in ways.items():
+                for to in self._next[cell]:
+                    if to not in reached:
+                        after[to] = None if way is None or to in after else (*way, to)
+            if other in after or not after:
+                return after.get(other)
+            reached |= after.keys()
+            ways = after
+        return None
 
     def direction(self, one: int, other: int) -> int:
         """The direction from a cell towards another: of its neighbours the exact one."""

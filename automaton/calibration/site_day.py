@@ -17,7 +17,7 @@ from typing import Any, Final, NamedTuple
 import msgspec
 import numpy as np
 
-from automaton.calibration.fleet_trace import FleetTrace, trace_of_log
+from automaton.calibration.fleet_trace import HOUR_S, FleetTrace, trace_of_log
 from automaton.calibration.log_on_floor import RobotTracks, placed
 from automaton.calibration.state_log import StateLog, numbers_of_robots, read_log
 from automaton.errors import InputError
@@ -30,7 +30,6 @@ from automaton.scenario.order_lines import (
     pod_cells,
     pod_numbers,
 )
-from automaton.scenario.quantities import SECONDS_OF_DAY
 from automaton.scenario.table_fields import NOTHING, TableOptions, TextField
 from automaton.scenario.table_reader import NO_TIMES, read_columns
 from automaton.units import count, percent
@@ -41,9 +40,9 @@ Array = np.ndarray[Any, Any]
 
 MIN_RECOVERED: Final = 0.8  # of the orders of a log
 TAIL_SHARE: Final = 0.95  # of the orders; twice their longest time is left out before the end
-MAX_DAY_S: Final = 26 * 3600  # longer logs are divided
-MIN_DAY_S: Final = 3600  # shorter parts of a divided log are left out
-DAY_MS: Final = 1000 * SECONDS_OF_DAY
+DAY_S: Final = 24 * HOUR_S
+MAX_DAY_S: Final = 26 * HOUR_S  # longer logs are divided
+MIN_DAY_S: Final = HOUR_S  # shorter parts of a divided log are left out
 OPTIONS: Final = ("file", "sheet", "where", "encoding")  # that decide which rows a file has
 EPOCH: Final = datetime.datetime(1970, 1, 1)
 
@@ -133,7 +132,7 @@ def parts_of(log: StateLog, place: RobotTracks, ahead: int) -> Iterator[LoggedDa
     if time.max() - time.min() <= 1000 * MAX_DAY_S:
         yield LoggedDay("", log, place)
         return
-    number = (time + ahead) // DAY_MS
+    number = (time + ahead) // (1000 * DAY_S)
     for day in np.unique(number).tolist():
         rows = np.flatnonzero(number == day)
         if np.ptp(time[rows]) < 1000 * MIN_DAY_S:
@@ -263,15 +262,16 @@ def orders_of_file(
     named = {**options_in(written, form), **file}
     settings = (
         *site.settings,
-        clock_setting(site, begin, SECONDS_OF_DAY),
+        clock_setting(site, begin, DAY_S),
         Override(f"--orders {path}", ("orders",), {form: named}),
     )
     read = resolve(site.scenario, settings).unrefined.scenario.orders
     listed: Sequence[Any] = read.listed or listed_lines(read)
     tick = scenario.units.scale.tick_seconds
-    releases = np.array([order.release for order in listed]) - int(SECONDS_OF_DAY / tick)
+    releases = np.array([order.release for order in listed]) - int(DAY_S / tick)
     names = [] if form == "lines" else order_names(named, path)
-    code = {name: number for number, name in enumerate(log.orders)}
+    numbers = np.unique(log.samples.order[log.samples.order > 0]) - 1
+    code = {log.orders[number]: number for number in numbers.tolist()}
     codes = np.array([code.get(name, NIL) for name in names] or [NIL] * len(listed))
     chosen = np.flatnonzero((releases < ticks) & ((releases >= 0) | (codes != NIL)))
     if not len(chosen):
@@ -288,7 +288,7 @@ def orders_of_file(
         number_of = np.full(len(log.orders) + 1, NIL)
         number_of[codes[chosen[known]]] = known
         return DayOrders({"list": entries}, number_of, release * float(tick), tuple(notes))
-    why = "a trip of a pod is no order of the file"
+    why = "a trip of a pod is not an order of the file"
     if form == "transports":
         why = "the orders of the log are not named in the file"
     notes.append(f"{why}, so lead times begin when a robot takes the order")
@@ -424,7 +424,10 @@ def recovered_lines(
 
     Raises InputError for too few.
     """
-    pods, visits = pods_of_loads(log, place, site.base.unrefined), Visits(log, place, site.base)
+    pods, visits = (
+        pods_of_loads(log, place, site.base.unrefined),
+        StationVisits(log, place, site.base),
+    )
     complete = {}
     for code, ends in ends_of_orders(log):
         pod = pods.get(int(log.samples.load[ends.pick + 1]))
@@ -434,7 +437,7 @@ def recovered_lines(
     return released_when_taken(log, complete, "lines", begin, tick)
 
 
-class Visits:
+class StationVisits:
     """Where robots are served with their pods: in the cells of stations, by an action if the log has
     any there, else where they stand for two messages."""
 

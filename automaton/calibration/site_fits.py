@@ -14,7 +14,7 @@ import numpy as np
 
 from automaton.calibration import battery_fits, duration_fits, motion_fits, stop_fits
 from automaton.calibration.log_on_floor import RobotTracks, placed
-from automaton.calibration.motion_fits import FittedValue
+from automaton.calibration.motion_fits import FittedValue as FittedValue
 from automaton.calibration.state_log import StateLog, numbers_of_robots
 from automaton.scenario.robot_types import type_of_each, types_of
 from automaton.scenario.schema import Scenario
@@ -61,7 +61,7 @@ class SiteFits(NamedTuple):
 
     gap_s: float  # median time between two messages of a robot
     robots: int
-    hours: float  # from the first message to the last
+    hours: float  # with messages
     estimates: dict[str, Estimate]
     unsaid: list[str]
     notes: list[str]
@@ -172,7 +172,7 @@ def fit_site(
     return SiteFits(
         track.gap,
         len(log.robots),
-        float(np.ptp(track.seconds)) / HOUR,
+        (float(np.ptp(track.seconds)) - log.counts.silent_s) / HOUR,
         fitting.estimates,
         fitting.unsaid,
         fitting.notes,
@@ -247,11 +247,13 @@ def _fit_operations(
 ) -> dict[str, duration_fits.DurationFit]:
     """Fit handling, picks and drops, and the picks and drops of types that differ from the others."""
     log, out = fitting.log, {}
+    known = [one.lower() for one in log.actions]
     for name, action in operations.items():
-        if action not in log.actions:
-            fitting.unsaid.append(f"durations.{name}: the log has no action {action}")
+        if action.lower() not in known:
+            others = f"; it has {', '.join(log.actions)}: use --action {name}=..." if known else ""
+            fitting.unsaid.append(f"durations.{name}: the log has no action {action}{others}")
             continue
-        chosen = log.samples.action == log.actions.index(action) + 1
+        chosen = log.samples.action == known.index(action.lower()) + 1
         key = f"durations.{name}"
         data = fitting.operations(chosen)
         if not fitting.has_enough(key, data.n, MIN_OPERATIONS, "operation"):
@@ -274,6 +276,8 @@ def _fit_operations(
             if usual != present or not of_type.low <= fit.mean <= of_type.high:
                 out[fitting.key(kind, key)] = of_type
                 fitting.add_duration(fitting.key(kind, key), usual, of_type)
+        if all(fitting.key(kind, key) in out for kind in range(len(fitting.types))):
+            del fitting.estimates[key]  # a mixture
     return out
 
 
@@ -352,14 +356,14 @@ def _fit_battery(fitting: Fitting, turns: Array) -> tuple[tuple[float, float], .
         key = f"battery.drain.{name}"
         if not fitting.is_long_enough(key, shortest.get(name, math.inf)):
             continue
-        if drain.high - drain.low > drain.value:
+        if fit is not None and fit.width(name) > battery_fits.MAX_INTERVAL:
             low, high = drain.low * HOUR, drain.high * HOUR
-            text = f"{key}: {low:.3g} to {high:.3g} %/h, not told apart from other states"
+            text = f"{key}: {low:.3g} to {high:.3g} %/h, not separable from other states"
             fitting.unsaid.append(text)
             continue
         present = getattr(battery.drain, name) * HOUR / fitting.tick if battery else None
-        is_joint = fit is not None and fit.is_joint and name in battery_fits.HANDLING
-        remark = "picks and drops together: not told apart" if is_joint else ""
+        is_joint = fit is not None and fit.is_joint and name in battery_fits.PICK_AND_DROP
+        remark = "picks and drops together" if is_joint else ""
         observed = f"{drain.n:,} windows"
         fitting.add(Estimate(key, "%/h", present, drain.scaled(HOUR), observed, remark))
     if fit and fit.loaded_factor:

@@ -24,6 +24,8 @@ MAX_GAP_MS: Final = (
     31_000  # VDA 5050 asks for a message every 30 s; a second for clocks that differ
 )
 NUMBER_WIDTH: Final = 20  # digits of numbers in names, to sort these
+ORDER_PAUSE_MS: Final = 3_600_000  # sites begin with number 1 again, as each day
+MIN_SILENT_S: Final = 360.0  # 0.1 h
 CLOCK_STEP_MS: Final = 1000  # smaller steps back are unordered messages
 MESSAGES_AT_A_TIME: Final = 8192  # rows held as Python objects
 
@@ -58,6 +60,7 @@ class LogCounts(NamedTuple):
     clock_steps: int  # messages with a later number but an earlier stamp than the one before
     gaps: int  # pauses of a robot above 30 s
     versions: dict[str, int]  # messages by version of the standard
+    silent_s: float = 0.0  # seconds of pauses of all robots at once
 
     def sentences(self) -> list[str]:
         """What was read and what was wrong, as lines of a report."""
@@ -77,7 +80,10 @@ class LogCounts(NamedTuple):
             "pauses above 30 s": self.gaps,
         }
         wrong = ", ".join(f"{name} {many:,}" for name, many in words.items() if many)
-        return [*lines, wrong] if wrong else lines
+        lines += [wrong] if wrong else []
+        if self.silent_s >= MIN_SILENT_S:
+            lines.append(f"no message of any robot for {self.silent_s / 3600:,.1f} h in all")
+        return lines
 
 
 class StateLog(NamedTuple):
@@ -133,16 +139,18 @@ def read_log(paths: Iterable[Path], columns: Mapping[str, str] | None = None) ->
     """
     names = LogNames()
     reader = LineReader(names, columns or {})
-    parts: dict[str, list[Array]] = {name: [] for name in ROW_FIELDS}
+    files: list[dict[str, Array]] = []
     for path in paths:
-        before = reader.messages
+        parts: dict[str, list[Array]] = {name: [] for name in ROW_FIELDS}
         rows = reader.rows(path)
         while block := list(itertools.islice(rows, MESSAGES_AT_A_TIME)):
             for name, values in zip(ROW_FIELDS, zip(*block, strict=True), strict=True):
                 parts[name].append(np.array(values, TYPES[name]))
-        if reader.messages == before:
+        if not parts["time"]:
             raise InputError(f"has no state message{reader.first_reason}", str(path))
-    arrays = {name: np.concatenate(parts.pop(name)) for name in ROW_FIELDS}
+        files.append({name: np.concatenate(parts.pop(name)) for name in ROW_FIELDS})
+    files.sort(key=lambda one: int(one["time"][0]))
+    arrays = {name: np.concatenate([one.pop(name) for one in files]) for name in ROW_FIELDS}
     return _ordered(arrays, names, reader)
 
 
@@ -150,13 +158,15 @@ def _ordered(arrays: dict[str, Array], names: LogNames, reader: LineReader) -> S
     """The log of rows in the order of their arrival."""
     arrays, doubled = _without_repetitions(arrays)
     unordered, steps, missing = _arrivals(arrays)
-    order = np.lexsort((arrays["header"], arrays["time"], arrays["robot"]))
+    rows = np.lexsort((arrays["header"], arrays["time"], arrays["robot"]))
     for name in ROW_FIELDS:
-        arrays[name] = arrays[name][order]
+        arrays[name] = arrays[name][rows]
     del arrays["header"]
     samples = Samples(**arrays)
     if reader.counts_actions:
         samples = samples._replace(action_id=_counted_actions(samples))
+    order, orders = _distinct_orders(samples, tuple(names.orders))
+    samples, pauses = samples._replace(order=order), np.diff(np.sort(samples.time))
     pair = samples.robot[1:] == samples.robot[:-1]
     elapsed = np.diff(samples.time)
     gaps = pair & (elapsed > MAX_GAP_MS)
@@ -164,7 +174,7 @@ def _ordered(arrays: dict[str, Array], names: LogNames, reader: LineReader) -> S
     for robot, back_to, latest in steps:
         usable[_between(samples, robot, back_to, latest)] = False
     counts = LogCounts(
-        messages=len(order),
+        messages=len(samples.time),
         lines=reader.lines,
         skipped=dict(reader.skipped),
         doubled=doubled,
@@ -173,16 +183,22 @@ def _ordered(arrays: dict[str, Array], names: LogNames, reader: LineReader) -> S
         clock_steps=len(steps),
         gaps=int(gaps.sum()),
         versions=dict(reader.versions),
+        silent_s=float(pauses[pauses > MAX_GAP_MS].sum()) / 1000,
     )
-    return StateLog(
-        samples,
-        tuple(names.robots),
-        tuple(names.loads),
-        tuple(names.actions),
-        tuple(names.orders),
-        usable,
-        counts,
-    )
+    robots, loads, actions = map(tuple, (names.robots, names.loads, names.actions))
+    return StateLog(samples, robots, loads, actions, orders, usable, counts)
+
+
+def _distinct_orders(samples: Samples, names: Sequence[str]) -> tuple[Array, tuple[str, ...]]:
+    """(n,) the order of each message, and the names of all: an order that no message names for a while
+    is another one when its name comes back."""
+    rows = np.flatnonzero(samples.order)
+    rows = rows[np.lexsort((samples.time[rows], samples.order[rows]))]
+    of, time = samples.order[rows], samples.time[rows]
+    begins = (np.diff(of, prepend=0) != 0) | (np.diff(time, prepend=time[:1]) > ORDER_PAUSE_MS)
+    order = np.zeros_like(samples.order)
+    order[rows] = np.cumsum(begins)
+    return order, tuple(names[number - 1] for number in of[begins].tolist())
 
 
 def _without_repetitions(arrays: dict[str, Array]) -> tuple[dict[str, Array], int]:

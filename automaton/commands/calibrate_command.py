@@ -38,11 +38,11 @@ from automaton.errors import InputError, alternatives
 from automaton.units import count, exact_time
 
 if TYPE_CHECKING:
-    from automaton.calibration.output_tuning import Tuned, Tuning
+    from automaton.calibration.output_tuning import TunedValue, Tuning
     from automaton.world.resolve import Resolved
 
 ARRIVALS: Final = "orders.arrivals"
-DEFAULT_BUDGET: Final = 500  # runs
+TUNING_BUDGET: Final = 500  # runs
 
 
 def pairs(text: str) -> int:
@@ -100,9 +100,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "the site; then compare needs other days"
     )
     add("--tune", type=keys, default=[], metavar="KEY[,KEY]", help=text)
-    text = f"with --tune: make at most RUNS runs (default: {DEFAULT_BUDGET})"
+    text = f"with --tune: make at most RUNS runs (default: {TUNING_BUDGET})"
     whole_runs = whole("a number of runs", 1)
-    add("--budget", type=whole_runs, default=DEFAULT_BUDGET, metavar="RUNS", help=text)
+    add("--budget", type=whole_runs, default=TUNING_BUDGET, metavar="RUNS", help=text)
     add_workers_argument(parser)
     add_output_arguments(parser, "--report")
 
@@ -196,6 +196,11 @@ def tuned_model(args: argparse.Namespace, fits: Any, model: FittedModel) -> Tuni
 
     tuning = output_tuning.tune_outputs(site, days, numbers, args.budget, args.workers, on_done)
     show_line("")
+    if args.orders is None:
+        tuning.doubts.append(
+            "orders are those of the logs, released when a robot takes them, which lengthens lead times of "
+            "the model by a few percent; --orders FILE avoids this"
+        )
     output_tuning.with_numbers(model.settings, data, tuning.tuned)
     for one in tuning.tuned:
         before = fits.estimates.pop(one.number.key, None)
@@ -207,10 +212,11 @@ def tuned_model(args: argparse.Namespace, fits: Any, model: FittedModel) -> Tuni
     return tuning
 
 
-def estimate_of(one: Tuned, ends: tuple[float, float], present: float | None, days: int) -> Any:
+def estimate_of(
+    one: TunedValue, ends: tuple[float, float], present: float | None, days: int
+) -> Any:
     """A tuned number among the estimates."""
-    from automaton.calibration.motion_fits import FittedValue
-    from automaton.calibration.site_fits import Estimate
+    from automaton.calibration.site_fits import Estimate, FittedValue
 
     number = one.number
     value = FittedValue(one.factor, *ends, days).scaled(number.amount)
@@ -245,8 +251,7 @@ def add_arrivals(
     """Add the demand to the fits and the settings, or to what cannot be said; yield remarks."""
     from automaton.calibration.demand_report import poisson_verdict
     from automaton.calibration.fitted_settings import arguments_of
-    from automaton.calibration.motion_fits import FittedValue
-    from automaton.calibration.site_fits import Estimate
+    from automaton.calibration.site_fits import Estimate, FittedValue
     from automaton.studies.inference.intervals import mean_interval
     from automaton.world.resolve import resolve
 
@@ -269,7 +274,7 @@ def add_arrivals(
     rate = mean_interval(demand.weekly)
     low, high = (rate.value if end is None else end for end in (rate.low, rate.high))
     value = FittedValue(rate.value, low, high, rate.n)
-    observed = f"{count(int(demand.counts.sum()), 'order')}, {count(demand.days, 'day')}"
+    observed = f"{count(demand.total, 'order')}, {count(demand.days, 'day')}"
     fits.estimates[ARRIVALS] = Estimate(ARRIVALS, "/h", None, value, observed, "mean of the weeks")
     yield f"orders: would Poisson arrivals do? {poisson_verdict(demand)}"
 

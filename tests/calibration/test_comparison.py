@@ -22,7 +22,7 @@ from automaton.calibration.fleet_trace import (
     trace_of_log,
 )
 from automaton.calibration.log_on_floor import placed
-from automaton.calibration.output_tuning import Tuned, tuned_numbers, with_numbers
+from automaton.calibration.output_tuning import TunedValue, tuned_numbers, with_numbers
 from automaton.calibration.site_day import ComparedSite, SiteDay, parts_of, read_days
 from automaton.calibration.state_log import read_log
 from automaton.commands import main
@@ -267,7 +267,7 @@ def test_two_numbers_at_most_are_tuned_and_the_rest_of_their_sections_stays() ->
     data = {"durations": {"pick": 8, "move": {"empty": "1 m/s"}}, "fleet": {"kinematics": "omni"}}
     settings: dict[str, Any] = {"durations": {"pick": "7 s"}}
     (speed,) = tuned_numbers(["durations.move.empty"], data)
-    with_numbers(settings, data, [Tuned(speed, 0.5, None)])
+    with_numbers(settings, data, [TunedValue(speed, 0.5, None)])
     assert settings == {"durations": {"pick": "7 s", "move": {"empty": "0.5 m/s"}}}
     for keys, sentence in (
         ("durations.pik", "did you mean 'durations.pick'"),

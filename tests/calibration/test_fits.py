@@ -156,7 +156,7 @@ def test_picks_of_a_type_are_fitted_if_they_differ_from_those_of_the_others() ->
     settings = settings_of(fits, scenario)
     pick = settings["fleet"]["types"][1]["durations"]["pick"]
     assert float(pick.removesuffix(" s")) == pytest.approx(9, rel=0.02)
-    assert "handling_jitter" not in settings["durations"], "the mixture of both looks uniform"
+    assert "durations" not in settings, "the mixture of both looks uniform"
 
 
 def test_too_few_observations_are_named_and_not_fitted() -> None:

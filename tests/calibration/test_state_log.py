@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import datetime
 import gzip
 import io
 import json
@@ -144,6 +145,31 @@ def test_what_is_wrong_in_a_log_is_counted(tmp_path: Path) -> None:
         "3 lines skipped: other message 1, unreadable 2",
         "doubled 1, unordered 1, missing 1, clock stepped back 1, pauses above 30 s 1",
     ]
+
+
+def test_days_may_come_in_any_order_and_number_their_orders_anew(
+    run: Recording, tmp_path: Path
+) -> None:
+    files = [tmp_path / "monday.jsonl", tmp_path / "tuesday.jsonl"]
+    zones = datetime.UTC, datetime.timezone(datetime.timedelta(hours=1))
+    for number, (path, zone) in enumerate(zip(files, zones, strict=True)):
+        lines = []
+        for one in messages_of(run):
+            moment = datetime.datetime.fromisoformat(one["timestamp"]).astimezone(zone)
+            moment += datetime.timedelta(days=number)
+            lines.append(json.dumps({**one, "timestamp": moment.isoformat()}))
+        path.write_text("\n".join(lines))
+    logs = [read_log(paths) for paths in (files, files[::-1])]
+    assert all(
+        np.array_equal(*pair, equal_nan=True)
+        for pair in zip(*(one.samples for one in logs), strict=True)
+    )
+    log, single = logs[1], read_log(files[:1])
+    assert log.counts.unordered == 0 and len(log.orders) == 2 * len(single.orders)
+    first = log.samples.time[: len(single.samples.time) // 2]
+    assert np.array_equal(first + 86_400_000, log.samples.time[len(first) : 2 * len(first)])
+    assert log.counts.gaps == 2 and not log.usable[len(first) - 1]
+    assert "no message of any robot for 24.0 h in all" in log.counts.sentences()
 
 
 def test_a_line_that_is_cut_short_is_the_last(tmp_path: Path) -> None:

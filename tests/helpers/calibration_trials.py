@@ -13,6 +13,7 @@ from __future__ import annotations
 import math
 import sys
 import tempfile
+from collections import Counter, defaultdict
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -154,30 +155,32 @@ def error_of(key: str, value: float, true: float) -> tuple[float, bool]:
 
 
 def try_sites(number: int) -> int:
-    """Fit drawn sites; print each error and the worst ones; return how many are too large."""
-    wrong, worst = 0, dict[str, float]()
-    said = 0
+    """Fit drawn sites; print errors, the worst ones, and the share of intervals that hold the truth;
+    return how many errors are too large."""
+    wrong, errors, covered = 0, defaultdict[str, list[float]](list), Counter[str]()
     for seed in range(1, number + 1):
         site = drawn_site(seed)
         with tempfile.TemporaryDirectory() as folder:
             log = log_of(site, Path(folder))
         fits = site_fits.fit_site(log, resolve(site.scenario))
-        for key, true in site.truth.items():
-            if key not in fits.estimates:
-                print(f"site {seed}: {key} not fitted")
+        for key, one in fits.estimates.items():
+            kind = key.partition("types.")[2][2:] or key
+            true = site.truth.get(key, site.truth.get(kind))
+            if true is None:
                 continue
-            said += 1
-            value = fits.estimates[key].fit.value
-            share, is_allowed = error_of(key, value, true)
-            kind = key.rpartition("types.")[2][2:] if "types" in key else key
-            worst[kind] = max(worst.get(kind, 0.0), abs(share))
+            share, is_allowed = error_of(key, one.fit.value, true)
+            errors[kind].append(abs(share))
+            covered[kind] += one.fit.low <= true <= one.fit.high
             if not is_allowed:
                 wrong += 1
-                print(f"site {seed}: {key} {value:.4g}, true {true:.4g}: {share:+.1%}")
+                print(f"site {seed}: {key} {one.fit.value:.4g}, true {true:.4g}: {share:+.1%}")
         print(f"site {seed}: {len(log.samples.time):,} messages; {fits.unsaid}", flush=True)
-    for kind, share in worst.items():
-        print(f"{kind:32} worst {share:.2%}")
-    print(f"{said} estimates, {wrong} beyond their limits")
+    for kind, shares in errors.items():
+        print(f"{kind:28} worst {max(shares):.2%}, in {covered[kind]} of {len(shares)} intervals")
+    said = sum(map(len, errors.values()))
+    print(
+        f"{said} estimates, {wrong} beyond their limits; {covered.total() / said:.1%} of intervals hold"
+    )
     return wrong
 
 

@@ -2,18 +2,22 @@
 
     python tests/helpers/comparison_trials.py truth [DAYS]      the model is right
     python tests/helpers/comparison_trials.py planted [SERIES]  one thing is wrong in the model
+    python tests/helpers/comparison_trials.py tuned [SERIES]    picks are tuned to logs of four days
 
 A day has random orders for one hour, in `planted` two. Site and model run with them; the site has seeds
 that the model has not. Traces are taken from the runs: tests/calibration shows that those of logs equal
-them. `planted` gives each fault SERIES of ten days.
+them. `planted` gives each fault SERIES of ten days. `tuned` fits a model whose picks are too short.
 """
 
 from __future__ import annotations
 
+import datetime
+import re
 import sys
 import tempfile
 import time
 from collections import Counter
+from fractions import Fraction
 from pathlib import Path
 
 import numpy as np
@@ -21,13 +25,20 @@ import numpy as np
 from automaton.calibration.agreement import DIFFERS, ERROR, DayResult, agreement
 from automaton.calibration.compared_days import stretches_of
 from automaton.calibration.fleet_trace import MeasurePlan, measured_run
+from automaton.calibration.output_tuning import tune_outputs, tuned_numbers
+from automaton.calibration.site_day import ComparedSite, SiteDay, read_days
+from automaton.exports.vda5050_export import write_trace
+from automaton.recording.recorder import Recorder
+from automaton.recording.recording_reader import read_recording
+from automaton.runs.headless import run_once
 from automaton.runs.simulation import Simulation
 from automaton.scenario.document import Override
 from automaton.world.resolve import resolve
 from automaton.world.resolved import Resolved
 
 SAMPLE_TICKS, RUNS, DAYS = 10, 50, 10
-TICKS = {"truth": 3600, "planted": 7200}  # of 1 s
+TUNED_DAYS = 4
+TICKS = {"truth": 3600, "planted": 7200, "tuned": 3600}  # of 1 s
 AISLE = [[3, y] for y in (2, 3, 4, 5)]
 SITE = """\
 name: trial
@@ -173,16 +184,69 @@ def planted(days: Days, many: int) -> None:
     assert ranked >= 0.9 * many
 
 
+def site_of(days: Days) -> ComparedSite:
+    """The model of `tuned`, in which picks take 16 s."""
+    base = with_orders(days.path, days.ticks, 0, {"durations.pick": 16})
+    return ComparedSite(str(days.path), ("durations.pick=16",), None, base, {}, None, None)
+
+
+def order_file(days: Days, day: int) -> str:
+    """The orders of a day as a file of a warehouse system; the clock of the log begins in 1970."""
+    rows = ["order,released,from_x,from_y,to_x,to_y"]
+    for number, order in enumerate(orders_of_day(day, days.ticks)):
+        released = datetime.timedelta(seconds=int(str(order["release"])))
+        places = re.findall(r"[0-9]+", f"{order['from']} {order['to']}")
+        rows.append(",".join([str(number), f"1970-01-01 0{released}", *places]))
+    return "\n".join([*rows, ""])
+
+
+def logged_days(days: Days, series: int, folder: Path) -> list[SiteDay]:
+    """Days of a site in which picks take 22 s, as the model reads them from their logs."""
+    settings, site, out = {"durations.pick": 22}, site_of(days), []
+    for day in range(series * TUNED_DAYS, (series + 1) * TUNED_DAYS):
+        resolved = with_orders(days.path, days.ticks, day, {**settings, "seed": 1000 + day})
+        recording, log = folder / "day.rec", folder / f"{day}.jsonl"
+        with Recorder(recording, resolved, resolved.scenario.seed) as on_record:
+            run_once(resolved, on_record)
+        with log.open("wb") as stream:
+            write_trace(read_recording(recording), stream, Fraction(SAMPLE_TICKS))
+        orders = folder / "orders.csv"
+        orders.write_text(order_file(days, day), encoding="utf-8")
+        out += read_days(site, log, orders)
+    return out
+
+
+def tuned(days: Days, many: int) -> None:
+    """Picks are too short in the model: the tuned time, and whether its interval holds the truth."""
+    factors, held = [], 0
+    for series in range(many):
+        with tempfile.TemporaryDirectory() as folder:
+            of_site = logged_days(days, series, Path(folder))
+        numbers = tuned_numbers(["durations.pick"], {"durations": {"pick": "16 s"}})
+        tuning = tune_outputs(site_of(days), of_site, numbers, 500, 1, lambda runs: None)
+        (one,) = tuning.tuned
+        factors.append(16 * one.factor)
+        held += one.ends is not None and one.ends[0] <= 22 / 16 <= one.ends[1]
+        print(
+            f"series {series}: {16 * one.factor:.1f} s, {tuning.runs} runs, {held} held", flush=True
+        )
+    error = np.abs(np.array(factors) / 22 - 1)
+    print(
+        f"22 s tuned to {np.mean(factors):.2f} s; error {error.mean():.1%}, at most {error.max():.1%}"
+    )
+    assert error.mean() <= 0.1 and held >= 0.8 * many
+
+
 def main(what: str, many: int) -> None:
     """Run a trial."""
     begun = time.process_time()
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "trial.yaml"
         path.write_text(SITE, encoding="utf-8")
-        {"truth": truth, "planted": planted}[what](Days(path, TICKS[what]), many)
+        {"truth": truth, "planted": planted, "tuned": tuned}[what](Days(path, TICKS[what]), many)
     print(f"{time.process_time() - begun:.0f} CPU s; error {ERROR}")
 
 
 if __name__ == "__main__":
     what, *number = sys.argv[1:]
-    main(what, int(number[0]) if number else {"truth": 400, "planted": 20}[what])
+    main(what, int(number[0]) if number else {"truth": 400, "planted": 20, "tuned": 20}[what])

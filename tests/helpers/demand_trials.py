@@ -60,7 +60,7 @@ def report(name: str, demand: WeeklyDemand) -> None:
     """Print what is fitted."""
     orders, batches = demand.orders, demand.batches
     print(
-        f"{name}: {int(demand.counts.sum()):,} orders, {demand.days} days; variance / mean "
+        f"{name}: {demand.total:,} orders, {demand.days} days; variance / mean "
         f"{orders.value:.1f} (orders, p = {orders.p:.1g}), {batches.value:.1f} (batches); "
         f"{100 * demand.zero_gaps:.0f} % of gaps are 0, cv {demand.gap_variation:.0f}"
     )

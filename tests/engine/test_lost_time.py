@@ -251,7 +251,7 @@ def cases_in_aisles(draw: Any) -> Case:
 def test_what_is_observed_is_what_happened() -> None:
     reached: Counter[str] = Counter()
 
-    @settings(max_examples=100)
+    @settings(max_examples=150)
     @given(st.one_of(cases(), cases_in_aisles()))
     def check(case: Case) -> None:
         recorder, event_history = MemoryRecorder(case.resolved), EventHistory()

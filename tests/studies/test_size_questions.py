@@ -598,7 +598,8 @@ def test_few_days_give_a_bound_if_they_are_enough() -> None:
 
 def test_the_command_compares_numbers_of_robots_with_orders(capsys: Any) -> None:
     given = ("random-400", "--set", "fleet.robots=10", "--set", "stop.max_duration=40", "--set",
-             "measure.warm_up=10", "--vary", ACTIVE, "5..10", "--step", "5", "--workers", "1")  # fmt: skip
+             "measure.warm_up=10", "--vary", ACTIVE, "5..10", "--step", "5",
+             "--workers", "1")  # fmt: skip
     code, out, _ = size(capsys, *given)
     assert code == 0
     assert "how many of 10 robots should have orders for the highest throughput?" in out

@@ -12,6 +12,7 @@ from hypothesis import HealthCheck, settings
 
 from automaton import pytest_plugin
 from automaton.engine.jit.kernel import COMPILATIONS
+from automaton.runs import first_compilation
 
 # Compiled code is compiled once, in whatever example comes first: no deadline, no health check.
 COMMON = {"deadline": None, "suppress_health_check": [HealthCheck.too_slow]}
@@ -19,6 +20,10 @@ COMMON = {"deadline": None, "suppress_health_check": [HealthCheck.too_slow]}
 settings.register_profile("ci", derandomize=True, print_blob=True, **COMMON)
 settings.register_profile("explore", derandomize=False, **COMMON)  # new examples in every run
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "ci"))
+
+
+# The workers of the tests use all cores: runs for which no number of processes is named get one.
+pytest.MonkeyPatch().setattr(first_compilation, "cores", lambda: 1)
 
 
 # Tests make objects by the million, and drop most of them at once.

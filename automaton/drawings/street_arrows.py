@@ -13,11 +13,11 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from automaton.floor.floor_plan import WEIGHT_UNIT, FloorPlan
+from automaton.floor.floor_plan import STORAGE, WEIGHT_UNIT, FloorPlan
 
 # Signs by direction, Unicode and ASCII: a cheaper move, and one whose move back is closed.
 WAY_SIGNS: Final = ("⇢⇣⇠⇡", "eswn")
-ONE_WAY_SIGNS: Final = ("↠↡↞↟", ">v<^")
+ONE_WAY_SIGNS: Final = ("↠↡↞↟", "ESWN")
 FACTORS: Final = (1.25, 2, 3, 5, 8)  # at which the steps of arrows begin
 LEAST_MEAN: Final = 0.1  # log2: a smaller mean of several cells shows no direction
 # Weights of waiting at which steps begin; those of the step NEAR_1 are like 1.
@@ -34,7 +34,8 @@ class Arrows(NamedTuple):
 
 @lru_cache(maxsize=8)
 def arrows_of(floor_plan: FloorPlan) -> Arrows:
-    """The streets of a floor, one-way moves of its picture included."""
+    """The streets of a floor, one-way moves of its picture included; none in storage, through which
+    no way leads."""
     exits = (floor_plan.exits.reshape(-1)[:, None] >> np.arange(4)) & 1 > 0
     moves = floor_plan.move_weights if len(floor_plan.move_weights) else WEIGHT_UNIT
     weights = np.where(exits, moves, np.inf)
@@ -45,6 +46,7 @@ def arrows_of(floor_plan: FloorPlan) -> Arrows:
         strength[:, direction] = np.log2(np.clip(ratio, 1, FACTORS[-1]))
         one_way[:, direction] = out & np.isinf(back)
     pull = strength[:, :2] - strength[:, 2:]
+    pull[floor_plan.kind.reshape(-1) == STORAGE] = 0
     against = np.where(pull > 0, one_way[:, :2], (pull < 0) & one_way[:, 2:])
     return Arrows(pull, against)
 

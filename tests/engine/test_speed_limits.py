@@ -185,7 +185,7 @@ def costs(made: Resolved, kinematics: str) -> CostSet:
 def test_every_plan_takes_the_least_ticks() -> None:
     limited = 0
 
-    @settings(max_examples=150)
+    @settings(max_examples=100)
     @given(drives())
     def check(case: tuple[dict[str, Any], str]) -> None:
         nonlocal limited

@@ -24,7 +24,6 @@ from docs_pages import ROOT, Block, Page
 from remembered_runs import remembered_runs
 
 from automaton.commands import COMMANDS, main
-from automaton.studies import process_pool
 from automaton.studies.sweeps import pools
 from automaton.studies.sweeps.study import shipped_studies
 
@@ -108,7 +107,6 @@ def in_this_process(folder: Path) -> Iterator[None]:
         pytest.MonkeyPatch.context() as patch,
         ThreadPoolExecutor(1) as executor,
     ):
-        patch.setattr(process_pool, "cores", lambda: 1)
         patch.setattr(pools, "LocalPool", lambda workers=None: pools.ExternalExecutor(executor))
         patch.setenv("COLUMNS", WIDTH)
         patch.setenv("XDG_STATE_HOME", str(folder / "state"))

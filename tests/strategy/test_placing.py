@@ -16,7 +16,7 @@ from automaton.runs.simulation import Simulation
 from automaton.strategy.placing import ANY_CLASS, nearest_free, searched_free
 from automaton.world.resolve import resolve
 
-FLOORS = examples(60)
+FLOORS = examples(40)
 GOODS = "goods-60x40"
 ROOM_FOR_FEW = "world.distance_tables=700 KiB"  # a table of this floor takes 15 kB
 

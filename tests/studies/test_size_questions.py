@@ -221,8 +221,9 @@ def test_days_that_did_not_finish_are_the_worst() -> None:
 
 
 def test_the_worst_day_can_be_watched(capsys: Any) -> None:
-    record = as_record(capsys, *ASKED, *QUICK, "--set", "durations.turn=21")
-    _, out, _ = size(capsys, *ASKED, *QUICK, "--set", "durations.turn=21")
+    asked = [*ASKED, *QUICK, "--budget", "400", "--set", "durations.turn=21"]
+    record = as_record(capsys, *asked)
+    _, out, _ = size(capsys, *asked)
     [command] = [line for line in out.splitlines() if line.startswith("automaton watch")]
     seed = record["bound"]["worst"]
     assert command == (
@@ -244,8 +245,8 @@ def test_each_condition_has_the_answer_that_it_has_alone(capsys: Any, tmp_path: 
         "- {name: calm}\n- {name: slow turns, set: {durations.turn: 28}}\n", encoding="utf-8"
     )
     asked = [*ASKED, *QUICK]
-    budget = ("--budget", "3000")
-    both = as_record(capsys, *asked, "--conditions", str(file), "--budget", "6000")["conditions"]
+    budget = ("--budget", "400")
+    both = as_record(capsys, *asked, "--conditions", str(file), "--budget", "800")["conditions"]
     assert [one.pop("name") for one in both] == ["calm", "slow turns"]
     alone = (
         as_record(capsys, *asked, *budget),
@@ -256,7 +257,7 @@ def test_each_condition_has_the_answer_that_it_has_alone(capsys: Any, tmp_path: 
         assert one == {
             key: value for key, value in other.items() if key not in ("scenario", "seed")
         }
-    code, out, _ = size(capsys, *asked, "--conditions", str(file), "--budget", "6000")
+    code, out, _ = size(capsys, *asked, "--conditions", str(file), "--budget", "800")
     assert code == 0
     assert re.search(r"^calm +2 robots +\d+\.\d % .* ticks or less$", out, re.M)
     assert re.search(r"^slow turns +3 robots ", out, re.M)
@@ -342,6 +343,8 @@ def test_the_fewest_stations_that_meet_the_target(capsys: Any, hall: str) -> Non
         "--target",
         "lead_time_p95<=330",
         *QUICK,
+        "--budget",
+        "450",
         "--workers",
         "1",
     )
@@ -377,6 +380,8 @@ def test_the_fewest_chargers_that_meet_the_target(capsys: Any, tmp_path: Path) -
         "3",
         "--budget",
         "200",
+        "--workers",
+        "1",
     )
     record = as_record(capsys, str(file), *options, "--target", "lead_time_p95<=700", *QUICK)
     assert (record["varied"], record["chargers"]) == ("floor.open_chargers", 4)
@@ -434,7 +439,7 @@ def test_a_ratio_is_kept_as_well_as_whole_robots_allow(number: int, parts: list[
 def test_an_interrupted_search_goes_on_where_it_was(
     capsys: Any, tmp_path: Path, monkeypatch: Any
 ) -> None:
-    asked = [*ASKED, *QUICK, "--budget", "900"]
+    asked = [*ASKED, *QUICK, "--budget", "400"]
     whole = as_record(capsys, *asked)
     run, rounds, made = Fleets._run, 0, 0
 
@@ -456,7 +461,7 @@ def test_an_interrupted_search_goes_on_where_it_was(
     before, made = made, 0
     assert as_record(capsys, *asked, *out) == whole and made == 0 < before
     kinds = [line.startswith('["cut off') for line in rows.read_text("utf-8").splitlines()]
-    assert kinds.count(True) == 1 and len(kinds) > 900 - 300
+    assert kinds.count(True) == 1 and len(kinds) > 400 - 150
     assert as_record(capsys, *asked, *out, "--set", "durations.turn=21") != whole and made > 0
 
 
@@ -474,13 +479,13 @@ def test_a_folder_is_written_by_one_search_at_a_time(capsys: Any, tmp_path: Path
 def test_progress_has_the_present_belief(capsys: Any, monkeypatch: Any) -> None:
     lines: list[str] = []
     monkeypatch.setattr("automaton.commands.size_command.show_line", lines.append)
-    assert size(capsys, *ASKED, *QUICK)[0] == 0
-    assert lines[0] == "1 robot; 0 of at most 20,000 runs" and lines[-1] == ""
+    assert size(capsys, *ASKED, *QUICK, "--budget", "400")[0] == 0
+    assert lines[0] == "1 robot; 0 of at most 400 runs" and lines[-1] == ""
     assert any(
-        re.fullmatch(r"2 robots: \d+ of \d+ days meet the target, undecided; \d+ of at most 20,000 runs",
+        re.fullmatch(r"2 robots: \d+ of \d+ days meet the target, undecided; \d+ of at most 400 runs",
                      line) for line in lines
     )  # fmt: skip
-    assert "3 robots, durations +10 %" in [line.partition(";")[0] for line in lines]
+    assert "1 robot, durations -10 %" in [line.partition(";")[0] for line in lines]
 
 
 def test_the_belief_about_a_mean_is_the_mean() -> None:
@@ -593,7 +598,8 @@ def test_few_days_give_a_bound_if_they_are_enough() -> None:
 
 def test_the_command_compares_numbers_of_robots_with_orders(capsys: Any) -> None:
     given = ("random-400", "--set", "fleet.robots=10", "--set", "stop.max_duration=40", "--set",
-             "measure.warm_up=10", "--vary", ACTIVE, "5..10", "--step", "5")  # fmt: skip
+             "measure.warm_up=10", "--vary", ACTIVE, "5..10", "--step", "5",
+             "--workers", "1")  # fmt: skip
     code, out, _ = size(capsys, *given)
     assert code == 0
     assert "how many of 10 robots should have orders for the highest throughput?" in out

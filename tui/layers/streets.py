@@ -1,7 +1,7 @@
 """The layers of streets: the cheaper direction of each cell as an arrow, and weights of waiting as heat.
 
     ⇢⇣.↠      an arrow in five colours, with another head where the move back is closed
-    eswn.>
+    eswn.E
 
 Where crossing streets are equally strong, cells show one and the other in turn, as on a chessboard.
 Where a character has many cells, it shows their mean.
@@ -57,7 +57,8 @@ def arrow_codes(
     many = np.maximum(driven, 1)[..., None]
     rows, columns = np.indices(driven.shape)
     is_odd = (rows + columns + top + left) % 2 == 1
-    one_way = summed(arrows.one_way) > many / 2
+    size = np.abs(arrows.pull)
+    one_way = summed(size * arrows.one_way) > summed(size) / 2  # closed if most of the pull is
     shown = directions_of(summed(arrows.pull) / many, one_way, is_odd)
     kinds = np.array([glyphs.way, glyphs.one_way_head])
     signs = kinds[shown.one_way.astype(np.intp), shown.direction]

@@ -131,9 +131,10 @@ class GlyphSet:
     fleet_full: Final = _shape(" ", "R")  # a character filled by robots, by its background
     fleet_half: Final = _shapes("▀▄", "rr")  # its upper and its lower half
     lines: Final = _shapes(BRAILLE, _by_lines())  # outlines of drawn cells
-    # Streets, by direction. Filled heads would look like loaded robots, or are in few fonts.
+    # Streets, by direction. Filled heads would look like loaded robots, or are in few fonts; ASCII arrows
+    # are robots.
     way: Final = _shapes("⇢⇣⇠⇡", "eswn")
-    one_way_head: Final = _shapes("↠↡↞↟", ">v<^")
+    one_way_head: Final = _shapes("↠↡↞↟", "ESWN")
 
     def __init__(self, name: str, characters: str, shaded: bool) -> None:
         self.name = name

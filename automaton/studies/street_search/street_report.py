@@ -1,7 +1,7 @@
 """Streets in words and as a picture: the reasons for a design, what is one-way, and the drawn floor.
 
 ⇢⇢⇢⇢⇢↠    dashed: the move back costs more; two heads: it is closed
-⇡####⇣    ASCII: e s w n, and > v < ^
+⇡####⇣    ASCII: e s w n, and E S W N
 ⇡⇠⇠⇠⇠⇠
 """
 

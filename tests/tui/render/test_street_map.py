@@ -13,7 +13,7 @@ from render_scenes import ALL, DRAWN, at, camera_at, drawn, fg, make_scene, open
 from viewer_harness import viewing
 
 from automaton.commands import main
-from automaton.drawings.street_arrows import ONE_WAY_SIGNS, WAY_SIGNS, wait_steps
+from automaton.drawings.street_arrows import ONE_WAY_SIGNS, WAY_SIGNS, arrows_of, wait_steps
 from automaton.floor.floor_plan import FloorPlan
 from automaton.pytest_plugin import GridSnapshot
 from automaton.scenario.changing_floor import Street, StreetPlan
@@ -59,7 +59,8 @@ def test_a_cell_shows_its_cheaper_direction_and_another_head_where_the_way_back_
     """The last cell of a street shows nothing: no move of it is cheaper than the one back."""
     scene = street_scene(floor_of(RING))
     assert picture(scene) == ["⇢⇢⇢⇢⇢⇣", "⇡░░░░⇣", "⇡....⇣", "⇡░░░░⇣", ".↞↞↞↞↞"]
-    assert picture(scene, glyphs=ASCII) == ["eeeees", "n%%%%s", "n....s", "n%%%%s", ".<<<<<"]
+    assert picture(scene, glyphs=ASCII) == ["eeeees", "n%%%%s", "n....s", "n%%%%s", ".WWWWW"]
+    assert not set(ONE_WAY_SIGNS[1]) & {ASCII.characters[glyph] for glyph in ASCII.robot}
 
 
 def test_weights_and_closed_moves_differ_in_shape_not_in_colour_alone() -> None:
@@ -68,7 +69,7 @@ def test_weights_and_closed_moves_differ_in_shape_not_in_colour_alone() -> None:
         floor_of(RING, (Street(row=0, west=against), Street(column=5, north=against)))
         for against in (10_000, "closed")
     ]
-    for glyphs, signs in ((UNICODE, ("⇢⇣", "↠↡")), (ASCII, ("es", ">v"))):
+    for glyphs, signs in ((UNICODE, ("⇢⇣", "↠↡")), (ASCII, ("es", "ES"))):
         pictures = ["".join(picture(street_scene(one), glyphs=glyphs)) for one in floors]
         for shown, own, other in zip(pictures, signs, signs[::-1], strict=True):
             assert set(own) <= set(shown) and not set(other) & set(shown)
@@ -117,6 +118,15 @@ def test_zoomed_out_a_character_shows_the_mean_of_its_cells() -> None:
         direction = 0 if x < 3 or y % 2 == 0 else 2
         weights.set_move(weights.floor_plan.cell(x, y), direction, 0.5)
     assert picture(street_scene(weights.floor()), "braille 1") == ["⇢⇢.."]
+    closed = floor_of("........\n" * 4, (Street(row=0, west="closed"),))
+    assert picture(street_scene(closed), "braille 1") == ["↠↠↠↠"], "one row of four"
+
+
+def test_storage_has_no_arrows() -> None:
+    """No way leads through it."""
+    floor_plan = floor_of("...\n.q.\n...", CRISSCROSS)
+    pull = arrows_of(floor_plan).pull
+    assert pull[floor_plan.cell(1, 0)].any() and not pull[floor_plan.cell(1, 1)].any()
 
 
 @settings(max_examples=30)

@@ -18,7 +18,6 @@ from automaton.engine.jit.struct_types import copy_bytes, struct_at
 from automaton.engine.jit.structs import WORDS_PER_ROW, Array, Struct, field, registered_address
 from automaton.engine.random_numbers import STREAM_ORDERS, STREAM_STARTS, STREAM_VISITS
 from automaton.environments.stepped_worlds import SteppedWorld
-from automaton.scenario.quantities import MAX_STOPS
 from automaton.strategy.api import (
     CONSTANT,
     STATIC,
@@ -29,9 +28,8 @@ from automaton.strategy.api import (
     random_between,
     random_bits,
 )
-from automaton.world.demand import DRAW_STOP
+from automaton.world.demand import DRAW_STOP, MAX_STOPS, tour_cells
 from automaton.world.starts import START_NEVER, first_headings, start_order
-from automaton.world.task_lists import stop_groups
 
 PROBE_SEEDS: Final = (3, 2**62 + 11, 77_777, 5, 1_000_003)  # seeds whose worlds are compared
 START_ARRAYS: Final = {
@@ -243,7 +241,7 @@ def address_of(array: Array) -> int:
 def draws_for(template: SteppedWorld, differing: set[str]) -> Draws | None:
     """The draws behind these arrays; None if kernels do not know the generator."""
     resolved, world = template.resolved, template.world
-    scenario, plan, grid = resolved.scenario, resolved.floor_plan, world.grid
+    scenario, grid = resolved.scenario, world.grid
     cells = np.zeros(0, np.int32)
     order = np.zeros(0, np.uint8)
     headings = np.zeros(0, np.uint8)
@@ -259,7 +257,7 @@ def draws_for(template: SteppedWorld, differing: set[str]) -> Draws | None:
         if scenario.orders.generator != "tours":
             return None
         reachable = world.slots.reachable[: len(resolved.fleet.types)]
-        groups = stop_groups(scenario.orders, plan, reachable)
+        groups = tour_cells(resolved, reachable)
         stops = np.concatenate(groups).astype(np.int32)
         first = np.cumsum([0, *map(len, groups)])
         begins[groups[0]] = 1

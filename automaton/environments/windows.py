@@ -11,7 +11,6 @@ import numpy as np
 
 from automaton.engine.digest import digest_world
 from automaton.engine.jit.struct_types import clear_bytes, copy_bytes
-from automaton.environments.external import U
 from automaton.environments.stepping import FloorScene
 from automaton.strategy.api import (
     BATTERY_FULL,
@@ -27,6 +26,7 @@ from automaton.strategy.api import (
     kernel,
 )
 
+U = np.uint64  # unsigned index: spares the test for negative values
 CHANNELS: Final = {
     "walls": "1: robots of its type never stand here (wall, closed area, outside the floor)",
     "ways": "exits for robots of its type, as bits: east 1, south 2, west 4, north 8",

@@ -14,7 +14,13 @@ from automaton.engine.random_numbers import STREAM_EPISODES, random_bits_of_each
 from automaton.engine.state import NIL, ORDER_LIST, Array
 from automaton.environments.external import text_of_actions
 from automaton.environments.resets import Copies, Restorer, restored
-from automaton.environments.stepped_worlds import EXTERNAL, Log, SteppedWorld, free_memory
+from automaton.environments.stepped_worlds import (
+    EXTERNAL,
+    ActionLog,
+    SteppedWorld,
+    free_memory,
+    save_episode,
+)
 from automaton.environments.stepping import (
     ADDRESS_COUNT,
     FEATURE_COUNT,
@@ -23,8 +29,8 @@ from automaton.environments.stepping import (
     STATE_NEW,
     STATE_RUNNING,
     STATE_STOPPED,
-    Buffers,
     Course,
+    StepBuffers,
     Stepper,
     compiled_driver,
 )
@@ -109,7 +115,7 @@ class Environment:
         self._copies: list[Copies | None] = [None] * worlds
         self._restorer = Restorer(self._first)
         self.compiled_reset = self._restorer.draws is not None
-        self._logs = [Log() for _ in range(worlds)] if log else None
+        self._logs = [ActionLog() for _ in range(worlds)] if log else None
         self._make_stepper(weights, stepping == "decision", features)
         self._pool = ThreadPoolExecutor(threads - 1) if threads > 1 else None
         self._seed = int(self._resolved.scenario.seed)
@@ -157,13 +163,13 @@ class Environment:
                 f"most {fit:,} worlds fit"
             )
 
-    def _make_buffers(self, features: bool, given: Mapping[str, Any]) -> None:
+    def _make_buffers(self, features: bool, taken: Mapping[str, Any]) -> None:
         shapes = self._shapes(features)
-        for name in given:
+        for name in taken:
             check_name("buffer", name, shapes)
         arrays = {
-            name: checked_buffer(name, given[name], shape, dtype)
-            if name in given
+            name: checked_buffer(name, taken[name], shape, dtype)
+            if name in taken
             else np.zeros(shape, dtype)
             for name, (shape, dtype) in shapes.items()
         }
@@ -178,14 +184,14 @@ class Environment:
         self.observations: Array | None = arrays.get("observations")
         self.features: Array | None = arrays.get("features")
         each = self.worlds, self.robots
-        flat = {name: arrays.get(name) for name in Buffers._fields}
+        flat = {name: arrays.get(name) for name in StepBuffers._fields}
         windows = flat["observations"]
         flat["observations"] = (
             np.zeros((*each, 0), np.uint8) if windows is None else windows.reshape((*each, -1))
         )
         if flat["features"] is None:
             flat["features"] = np.zeros((*each, 0), np.float32)
-        self._buffers = Buffers(**flat)
+        self._buffers = StepBuffers(**flat)
 
     def _make_stepper(self, weights: Array, until_acting: bool, features: bool) -> None:
         course = np.zeros(len(Course.meanings), np.int64).view(Course)
@@ -273,7 +279,7 @@ class Environment:
         self._state[w] = STATE_NEW
         self.invalid[w] = 0
         if self._logs is not None:
-            self._logs[w] = Log()
+            self._logs[w] = ActionLog()
 
     def _run_of(self, w: int) -> int:
         """The thread that steps a world."""
@@ -355,8 +361,6 @@ class Environment:
 
         The environment needs `log=True`. Raises InputError.
         """
-        from automaton.environments.saving import save_episode
-
         world = self._world(w)
         if self._logs is None:
             raise InputError("only an environment made with log=True keeps actions to save")
@@ -364,7 +368,7 @@ class Environment:
         actions = resolved_for(self._scenario, self._settings, self.drive, text_of_actions(rows))
         save_episode(actions, world.seed, self._logs[w].digests, path)
 
-    def _note_actions(self, logs: Sequence[Log]) -> None:
+    def _note_actions(self, logs: Sequence[ActionLog]) -> None:
         """Note the actions that enter in the next step."""
         for w in np.flatnonzero(self._state == STATE_RUNNING).tolist():
             world, log = self._world(w), logs[w]
@@ -391,8 +395,8 @@ def resolved_for(scenario: Any, settings: Settings, drive: str, actions: str = "
 def check_name(kind: str, name: str, known: Iterable[str]) -> None:
     """Raises InputError for an unknown name."""
     if name not in known:
-        found = nearest(str(name), known)
-        raise InputError(f"unknown {kind} {name!r}{found}: allowed are {alternatives(known)}")
+        hint = nearest(str(name), known)
+        raise InputError(f"unknown {kind} {name!r}{hint}: allowed are {alternatives(known)}")
 
 
 def check_number(name: str, value: Any, least: int, most: int | None) -> None:

@@ -492,6 +492,7 @@ COMMAND_MEANINGS: Final = {
     "retreat of no moves plans again from the robot's cell",
     "CMD_HOLD": "right of way that steers: wait one tick (counted in `lost_held_back`)",
     "CMD_GO": "right of way that steers: turn towards a direction, move in it, or leave the parking bay",
+    "CMD_TURN": "right of way: a quarter turn, 1 clockwise or 3 to the left, whatever lies ahead",
 }
 NAMED_VALUES: Final = {state.NIL: "NIL", state.KEEP: "KEEP", state.NEVER: "NEVER"}
 FULL_SHELF: Final = (

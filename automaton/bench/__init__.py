@@ -85,6 +85,11 @@ BENCH_PARTS: Final[dict[str, BenchPart]] = {
     "loop": BenchPart(
         "automaton.bench.loop_speed", True, "the tick loop with an idle fleet, and the digest"
     ),
+    "environments": BenchPart(
+        "automaton.bench.environment_speed",
+        False,
+        "a step of an environment, beside the loop alone and, with --peers, other simulators (a minute)",
+    ),
     "sweep": BenchPart(
         "automaton.bench.sweep_speed", False, "the overhead of a sweep with two workers"
     ),

@@ -39,6 +39,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     text = "also time first runs, which compile"
     parser.add_argument("--compile", action="store_true", help=text)
     parser.add_argument("--startup", action="store_true", help="also time the start of commands")
+    text = "also measure POGEMA and RWARE with this interpreter, which has pogema and rware"
+    parser.add_argument("--peers", metavar="PYTHON", help=text)
     text = f"take N samples (default: {REPEAT})"
     parser.add_argument("--repeat", type=int, default=REPEAT, metavar="N", help=text)
 
@@ -50,6 +52,8 @@ def run(args: argparse.Namespace) -> int:
     output = output_of(args)
     parts = chosen(args.only, args.compile, args.startup)
     wanted = measurements(parts)
+    if args.peers is not None:
+        wanted += peers(parts, args.peers)
     figures: list[MeasuredFigure] = []
     unmeasured = 0
     try:
@@ -88,6 +92,15 @@ def measurements(parts: Sequence[str]) -> list[Measurement]:
         module, _, function = BENCH_PARTS[name].place.partition(":")
         found += getattr(importlib.import_module(module), function or "measurements")()
     return found
+
+
+def peers(parts: Sequence[str], python: str) -> list[Measurement]:
+    """The measurements of other simulators. Raises InputError without the part environments."""
+    if "environments" not in parts:
+        raise InputError("--peers is for --only environments")
+    from automaton.bench.environment_speed import peer_measurements
+
+    return peer_measurements(python)
 
 
 def measure(wanted: Sequence[Measurement], repeat: int, figures: list[MeasuredFigure]) -> int:

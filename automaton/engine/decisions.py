@@ -17,6 +17,7 @@ CMD_RETREAT: Final = 3
 CMD_HOLD: Final = 4  # from a steering right of way: wait for this tick
 # From a steering right of way: turn towards a direction or move in it; leave a parking bay.
 CMD_GO: Final = 5
+CMD_TURN: Final = 6  # a quarter turn, whatever lies ahead: 1 = clockwise, 3 = to the left
 
 
 def decided(meaning: str, default: int = 0, dtype: str = "int32") -> Any:
@@ -81,8 +82,12 @@ class RoutingDecisions(Struct):
 
 
 class RightOfWayDecisions(Struct):
-    command: Array = decided("KEEP, CMD_STEP, CMD_WAIT, CMD_RETREAT, CMD_HOLD or CMD_GO", KEEP)
-    value: Array = decided("direction, ticks or moves; CMD_HOLD: preferred direction, or NIL")
+    command: Array = decided(
+        "KEEP, CMD_STEP, CMD_WAIT, CMD_RETREAT, CMD_HOLD, CMD_GO or CMD_TURN", KEEP
+    )
+    value: Array = decided(
+        "direction, ticks, moves or quarter turns; CMD_HOLD: preferred direction, or NIL"
+    )
     return_order: Array = decided("1 = a robot without a load returns its order")
     priority: Array = decided("new priority of the robot, or KEEP", KEEP)
 

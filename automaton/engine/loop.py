@@ -1,7 +1,10 @@
-"""The loop over ticks: one compiled generator whose body is the list of the phases of a tick.
+"""The loop over ticks: the phases of a tick in their order.
 
     faults -> orders -> stations -> zoning -> charging -> allocation -> charging -> routing
            -> right of way -> motion -> record -> observe
+
+`ticks` is the generator of a run; `open_tick`, `serve_layer` and `close_tick` hold the phases, and are
+called for the many worlds of an environment, too.
 
 A layer is asked when an event concerns it: in one call about all robots concerned or, with limited
 sight, in one call per robot. A compiled strategy is called directly; for a Python strategy the
@@ -112,6 +115,8 @@ def ticks(
     decide = (
         zoning, charging, allocation, routing, right_of_way, allocation_2, allocation_3, allocation_4
     )  # fmt: skip
+    asked = world, visible_world, record, full_batch, batch, decisions
+    of_layers = used, zoning_layer, charging_layer, mask_world, recording
     clock = world.clock
     while True:
         if clock.tick >= clock.stop_tick or clock.finished or is_full(world, record, observed):
@@ -119,101 +124,179 @@ def ticks(
             continue
         if workspace.stop[0]:
             yield LOOP_GIVEN_UP
-        next_tick(world)
-        world.robots.executed[:] = EXECUTED_NOTHING
-        begins = is_begin(world)
-        if begins:
-            if used[FAULTS]:
-                break_down_and_repair(world, record, workspace)
-            if used[DELAYS]:
-                delay_robots(world, record)
-            if used[GATES]:
-                gates(world, TICK_BEGINS)
-            first = clock.next_release
-            release_orders(world)
-            if used[TRIPS]:
-                trips(world, record, TICK_BEGINS, first)
-            if used[STATIONS]:
-                work_at_stations(world)
+        begins = open_tick(
+            world, record, workspace, used,
+            break_down_and_repair, delay_robots, gates, trips, work_at_stations,
+        )  # fmt: skip
         for phase in range(PHASES if begins else 0):
-            layer = LAYER_SEQUENCE[phase]
-            clock.phase = phase
-            if mode[layer] == MODE_ABSENT:
-                continue
-            if layer == LAYER_ZONING:
-                is_asked = zoning_layer(world, record, full_batch, batch, decisions, COLLECTS)
-            elif layer == LAYER_CHARGING:
-                is_asked = charging_layer(world, record, full_batch, batch, decisions, COLLECTS)
-            else:
-                is_asked = collect_batch(world, full_batch, layer)
-            for call in range(call_count(world, full_batch, layer) if is_asked else 0):
-                strategy = strategy_of_call(world, full_batch, layer, call)
-                memory = memories[strategy]
-                name_robots(world, full_batch, batch, strategy, call)
-                if used[SIGHT]:
-                    i = np.int64(full_batch.robot[call])
-                    mask_world(world, visible_world, i)
-                    if world.rules.radius > 0:
-                        show_rows(memory.rows, i)
-                if batch.count == 0 and not is_due(world, strategy):
-                    continue  # it concerns robots of other allocations
-                clear_decisions(batch, decisions, layer, clock.known_orders)
-                if world.rules.holders[strategy]:
-                    enter_holders(visible_world)
+            for call in range(ask_layer(asked, of_layers, mode, phase)):
+                strategy = begin_call(asked, of_layers, memories, call)
+                if strategy == NIL:
+                    continue
                 if mode[strategy] == MODE_COMPILED:
-                    decide[strategy](view, batch_view, decisions, memory, workspace)
+                    decide[strategy](view, batch_view, decisions, memories[strategy], workspace)
                 else:
                     yield strategy
                     # Whatever they hold now.
                     name_robots(world, full_batch, batch, strategy, call)
-                if world.rules.holders[strategy]:
-                    remove_holders(visible_world)
                 if workspace.stop[0]:
                     yield LOOP_GIVEN_UP
-                if layer == LAYER_ZONING:
-                    zoning_layer(world, record, full_batch, batch, decisions, JUDGES)
-                if used[RECORDING]:
-                    recording(world, record, batch, decisions, layer)
-                if layer == LAYER_ZONING:
-                    zoning_layer(world, record, full_batch, batch, decisions, COMMITS)
-                elif layer == LAYER_CHARGING:
-                    charging_layer(world, record, full_batch, batch, decisions, COMMITS)
-                else:
-                    commit(world, record, batch, decisions, layer)
-                if world.rules.radius > 0:
-                    keep_rows(memory.rows, np.int64(full_batch.robot[call]))
-        clock.phase = 0
-        if begins:
-            if used[MOVE_TICKS]:
-                move_ticks(world, BEFORE_DRIVING)
-            begin_actions(world, record)
-            if used[MOVE_TICKS]:
-                move_ticks(world, MOVES_WANTED)
-            if used[GATES]:
-                gates(world, MOVES_WANTED)
-            if used[BATTERY]:
-                cancel_infeasible_moves(world)
-            if used[GATES]:
-                gates(world, MOVES_FEASIBLE)
-        else:
-            world.traffic.intent[:] = 0
-        move_all(world.grid, world.rules, world.robots, world.traffic, clock.tick)
-        if used[TRIPS]:
-            trips(world, record, BEFORE_OPERATIONS, 0)
-        apply_move_outcomes(world, record)
-        if used[TRIPS]:
-            trips(world, record, AFTER_OPERATIONS, 0)
-        if used[VISITS] and is_end(world):
-            complete_visits(world, record)
-        if used[TRIPS]:
-            trips(world, record, TICK_ENDS, 0)
-        if used[RECORDING]:
-            recording(world, record, batch, decisions, NIL)
-        if used[OBSERVATION]:
-            observation(world, observed, np.int64(begins))
-        if used[DEADLOCKS] and begins and clock.tick >= world.deadlocks.count.next_look:
-            find_deadlocks(world, watch, observed)
-        clock.finished = is_finished(world)
+                end_call(asked, of_layers, memories, call)
+        close_tick(
+            world, record, batch, decisions, observed, watch, used, begins,
+            gates, trips, complete_visits, move_ticks, cancel_infeasible_moves, recording,
+            observation, find_deadlocks,
+        )  # fmt: skip
+
+
+@kernel
+def open_tick(
+    world, record, workspace, used,
+    break_down_and_repair, delay_robots, gates, trips, work_at_stations,
+):  # fmt: skip
+    """Faults, orders, stations; returns whether strategies decide in this tick."""
+    clock = world.clock
+    next_tick(world)
+    world.robots.executed[:] = EXECUTED_NOTHING
+    if not is_begin(world):
+        return 0
+    if used[FAULTS]:
+        break_down_and_repair(world, record, workspace)
+    if used[DELAYS]:
+        delay_robots(world, record)
+    if used[GATES]:
+        gates(world, TICK_BEGINS)
+    first = clock.next_release
+    release_orders(world)
+    if used[TRIPS]:
+        trips(world, record, TICK_BEGINS, first)
+    if used[STATIONS]:
+        work_at_stations(world)
+    return 1
+
+
+# A layer is asked, and each call of a strategy begins and ends. `asked`: the world, the visible world,
+# the record, both batches, the decisions. `of_layers`: which features are used, and those of layers.
+
+
+@kernel
+def serve_layer(
+    asked, of_layers, view, batch_view, decide, memories, workspace, mode, phase
+):  # fmt: skip
+    """Ask a layer whose strategies are compiled, and enter their decisions; returns whether the run
+    goes on."""
+    for call in range(ask_layer(asked, of_layers, mode, phase)):
+        strategy = begin_call(asked, of_layers, memories, call)
+        if strategy == NIL:
+            continue
+        decide[strategy](view, batch_view, asked[5], memories[strategy], workspace)
+        if workspace.stop[0]:
+            return False
+        end_call(asked, of_layers, memories, call)
+    return True
+
+
+@kernel
+def ask_layer(asked, of_layers, mode, phase):
+    """The number of calls that a layer gets in this tick; the full batch holds its robots."""
+    world, _, record, full_batch, batch, decisions = asked
+    _, zoning_layer, charging_layer, _, _ = of_layers
+    layer = LAYER_SEQUENCE[phase]
+    world.clock.phase = phase
+    if mode[layer] == MODE_ABSENT:
+        return np.int64(0)
+    if layer == LAYER_ZONING:
+        is_asked = zoning_layer(world, record, full_batch, batch, decisions, COLLECTS)
+    elif layer == LAYER_CHARGING:
+        is_asked = charging_layer(world, record, full_batch, batch, decisions, COLLECTS)
+    else:
+        is_asked = np.int64(collect_batch(world, full_batch, layer))
+    return np.int64(call_count(world, full_batch, layer) if is_asked else 0)
+
+
+@kernel
+def begin_call(asked, of_layers, memories, call):
+    """The strategy that decides in a call, whose batch holds its robots; NIL if it has none."""
+    world, visible_world, _, full_batch, batch, decisions = asked
+    used, _, _, mask_world, _ = of_layers
+    layer = LAYER_SEQUENCE[world.clock.phase]
+    strategy = strategy_of_call(world, full_batch, layer, call)
+    name_robots(world, full_batch, batch, strategy, call)
+    if used[SIGHT]:
+        i = np.int64(full_batch.robot[call])
+        mask_world(world, visible_world, i)
+        if world.rules.radius > 0:
+            show_rows(memories[strategy].rows, i)
+    if batch.count == 0 and not is_due(world, strategy):
+        return np.int64(NIL)  # it concerns robots of other allocations
+    clear_decisions(batch, decisions, layer, world.clock.known_orders)
+    if world.rules.holders[strategy]:
+        enter_holders(visible_world)
+    return strategy
+
+
+@kernel
+def end_call(asked, of_layers, memories, call):
+    """Record the decisions of a call, and enter them into the world."""
+    world, visible_world, record, full_batch, batch, decisions = asked
+    used, zoning_layer, charging_layer, _, recording = of_layers
+    layer, strategy = np.int64(LAYER_SEQUENCE[world.clock.phase]), np.int64(batch.strategy)
+    if world.rules.holders[strategy]:
+        remove_holders(visible_world)
+    if layer == LAYER_ZONING:
+        zoning_layer(world, record, full_batch, batch, decisions, JUDGES)
+    if used[RECORDING]:
+        recording(world, record, batch, decisions, layer)
+    if layer == LAYER_ZONING:
+        zoning_layer(world, record, full_batch, batch, decisions, COMMITS)
+    elif layer == LAYER_CHARGING:
+        charging_layer(world, record, full_batch, batch, decisions, COMMITS)
+    else:
+        commit(world, record, batch, decisions, layer)
+    if world.rules.radius > 0:
+        keep_rows(memories[strategy].rows, np.int64(full_batch.robot[call]))
+
+
+@kernel
+def close_tick(
+    world, record, batch, decisions, observed, watch, used, begins,
+    gates, trips, complete_visits, move_ticks, cancel_infeasible_moves, recording, observation,
+    find_deadlocks,
+):  # fmt: skip
+    """Motion, record, observe; then whether the stop condition holds."""
+    clock = world.clock
+    clock.phase = 0
+    if begins:
+        if used[MOVE_TICKS]:
+            move_ticks(world, BEFORE_DRIVING)
+        begin_actions(world, record)
+        if used[MOVE_TICKS]:
+            move_ticks(world, MOVES_WANTED)
+        if used[GATES]:
+            gates(world, MOVES_WANTED)
+        if used[BATTERY]:
+            cancel_infeasible_moves(world)
+        if used[GATES]:
+            gates(world, MOVES_FEASIBLE)
+    else:
+        world.traffic.intent[:] = 0
+    move_all(world.grid, world.rules, world.robots, world.traffic, clock.tick)
+    if used[TRIPS]:
+        trips(world, record, BEFORE_OPERATIONS, 0)
+    apply_move_outcomes(world, record)
+    if used[TRIPS]:
+        trips(world, record, AFTER_OPERATIONS, 0)
+    if used[VISITS] and is_end(world):
+        complete_visits(world, record)
+    if used[TRIPS]:
+        trips(world, record, TICK_ENDS, 0)
+    if used[RECORDING]:
+        recording(world, record, batch, decisions, NIL)
+    if used[OBSERVATION]:
+        observation(world, observed, np.int64(begins))
+    if used[DEADLOCKS] and begins and clock.tick >= world.deadlocks.count.next_look:
+        find_deadlocks(world, watch, observed)
+    clock.finished = is_finished(world)
 
 
 @kernel

@@ -32,6 +32,7 @@ STREAM_CLOSINGS = 21  # start and duration of closings
 STREAM_PROFILE = 26  # arrivals at the rates of a profile
 STREAM_DAYS = 27  # the file of orders of a run, out of several
 STREAM_VISITS = 28  # the stops of tours that belong to a robot
+STREAM_EPISODES = 29  # seeds of the episodes of an environment
 STREAM_STRATEGY = 32  # plug-ins use numbers from here on
 
 _GOLDEN = np.uint64(0x9E3779B97F4A7C15)

@@ -95,6 +95,8 @@ RULE_GO_EXIT: Final = 140
 RULE_GO_TURN: Final = 141
 RULE_HOLD: Final = 142
 RULE_WAIT_PARKED: Final = 143
+RULE_TURN: Final = 144
+RULE_TURN_CELL: Final = 145
 
 
 class DecisionRule(NamedTuple):
@@ -279,12 +281,12 @@ DECISION_RULES: Final[dict[int, DecisionRule]] = {
     RULE_RIGHT_OF_WAY: DecisionRule(
         "command of right of way",
         "command {value}",
-        "a command is KEEP, CMD_STEP (1), CMD_WAIT (2) or CMD_RETREAT (3)",
+        "a command is KEEP, CMD_STEP (1), CMD_WAIT (2), CMD_RETREAT (3) or CMD_TURN (6)",
     ),
     RULE_STEERING: DecisionRule(
         "command of steering",
         "command {value}",
-        "a steering command is KEEP, CMD_WAIT (2), CMD_HOLD (4) or CMD_GO (5)",
+        "a steering command is KEEP, CMD_WAIT (2), CMD_HOLD (4), CMD_GO (5) or CMD_TURN (6)",
     ),
     RULE_PRIORITY: DecisionRule("priority", "priority {value}", "a priority is -32,768 to 32,767"),
     RULE_PARKED: DecisionRule(
@@ -321,6 +323,14 @@ DECISION_RULES: Final[dict[int, DecisionRule]] = {
     RULE_HOLD: DecisionRule("hold", "CMD_HOLD {value}", "a preferred direction is 0 to 3, or NIL"),
     RULE_WAIT_PARKED: DecisionRule(
         "waiting while parked", "CMD_WAIT {value}", "only a robot that is not parked waits"
+    ),
+    RULE_TURN: DecisionRule(
+        "quarter turn", "CMD_TURN {value}", "a quarter turn is 1 (clockwise) or 3 (to the left)"
+    ),
+    RULE_TURN_CELL: DecisionRule(
+        "place of a turn",
+        "CMD_TURN {value}",
+        "only a robot with a heading turns, on the floor, in a cell that allows it",
     ),
 }
 

@@ -2,7 +2,14 @@
 
 import numpy as np
 
-from automaton.engine.decisions import CMD_GO, CMD_HOLD, CMD_RETREAT, CMD_STEP, CMD_WAIT
+from automaton.engine.decisions import (
+    CMD_GO,
+    CMD_HOLD,
+    CMD_RETREAT,
+    CMD_STEP,
+    CMD_TURN,
+    CMD_WAIT,
+)
 from automaton.engine.fulfilment import has_started, return_order
 from automaton.engine.jit.kernel import kernel
 from automaton.engine.operations import (
@@ -11,6 +18,7 @@ from automaton.engine.operations import (
     clear_route_request,
     count_lost_tick,
     drop_route,
+    headings_of,
     is_facing,
     note_refusal,
     record_change,
@@ -38,6 +46,8 @@ from automaton.engine.refusals import (
     RULE_STEP_DIRECTION,
     RULE_STEP_EXIT,
     RULE_STEP_TURN,
+    RULE_TURN,
+    RULE_TURN_CELL,
     RULE_WAIT,
     RULE_WAIT_PARKED,
 )
@@ -85,7 +95,10 @@ def commit_right_of_way(world, record, batch, decisions):
         elif robots.parked[i] and command != CMD_STEP:
             refuse(world, i, RULE_PARKED, command)
         elif command == CMD_STEP:
-            step(world, i, value)
+            step(world, i, value, bar_to_step(world, i, value), value)
+        elif command == CMD_TURN:
+            direction = direction_of_turn(world, i, value)
+            step(world, i, value, bar_to_turn(world, i, value), direction)
         elif command == CMD_WAIT and 1 <= value <= MAX_COMMAND_TICKS:
             pause(world, record, i, value)
         elif command == CMD_RETREAT and value == 0:
@@ -110,13 +123,14 @@ def commit_steering(world, record, i, command, value):
         bar = bar_to_step(world, i, value)
         if bar != NIL:
             refuse(world, i, bar + (RULE_GO_BAY - RULE_STEP_BAY), value)
-            return
-        robots.step[i] = value
-        if robots.parked[i]:
-            robots.parked[i] = 0
-            world.clock.unparked += 1
-            if robots.goal_type[i] == GOAL_NONE:  # pushed from its place: it returns by itself
-                set_goal(world, i, GOAL_PARK, np.int64(robots.home[i]))
+        else:
+            steer(world, i, value)
+    elif command == CMD_TURN:
+        bar = bar_to_turn(world, i, value)
+        if bar != NIL:
+            refuse(world, i, bar, value)
+        else:
+            steer(world, i, direction_of_turn(world, i, value))
     elif command == CMD_HOLD and -1 <= value < 4:
         if robots.parked[i] and in_bay == 0 and robots.goal_type[i] != GOAL_NONE:
             robots.parked[i] = 0  # it has work: its lost ticks count from now on
@@ -131,6 +145,38 @@ def commit_steering(world, record, i, command, value):
         refuse(world, i, RULE_WAIT_PARKED if robots.parked[i] else RULE_WAIT, value)
     else:
         refuse(world, i, RULE_STEERING, command)
+
+
+@kernel
+def steer(world, i, direction):
+    """Robot i moves in a direction, or turns towards it; a parked robot leaves its place."""
+    robots = world.robots
+    robots.step[i] = direction
+    if robots.parked[i]:
+        robots.parked[i] = 0
+        world.clock.unparked += 1
+        if robots.goal_type[i] == GOAL_NONE:  # pushed from its place: it returns by itself
+            set_goal(world, i, GOAL_PARK, np.int64(robots.home[i]))
+
+
+@kernel
+def direction_of_turn(world, i, quarters):
+    """The direction that robot i faces after a quarter turn: 1 clockwise, 3 to the left."""
+    robots = world.robots
+    headings = headings_of(world.grid, robots.type[i])
+    return (np.int64(robots.heading[i]) + quarters) & (headings - 1)
+
+
+@kernel
+def bar_to_turn(world, i, quarters):
+    """The rule of CMD_TURN that keeps robot i from turning, or NIL."""
+    robots = world.robots
+    if quarters != 1 and quarters != 3:
+        return RULE_TURN
+    if robots.cell[i] == NIL or headings_of(world.grid, robots.type[i]) == 1:
+        return RULE_TURN_CELL
+    flags = np.int64(world.grid.type_cell_flags[robots.type[i], robots.cell[i]])
+    return NIL if flags & MAY_TURN else RULE_TURN_CELL
 
 
 @kernel
@@ -149,15 +195,15 @@ def bar_to_step(world, i, direction):
 
 
 @kernel
-def step(world, i, direction):
-    """Execute one move, or the turn before it; outside a retreat the route is then planned again.
+def step(world, i, value, bar, direction):
+    """Execute one move in a direction, or the turn towards it, unless a rule bars the command's value;
+    outside a retreat the route is then planned again.
 
     A robot that is parked on the floor leaves its place.
     """
     robots = world.robots
-    bar = bar_to_step(world, i, direction)
     if bar != NIL:
-        refuse(world, i, bar, direction)
+        refuse(world, i, bar, value)
         return
     if robots.retreat_moves[i] == 0:
         drop_route(robots, i)

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from operator import attrgetter
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -45,6 +45,7 @@ from automaton.engine.state import (
     Array,
     Clock,
     Memory,
+    Workspace,
     World,
 )
 from automaton.errors import InputError, alternatives
@@ -93,6 +94,18 @@ def rules_of_moves(resolved: Resolved) -> tuple[Any, ...]:
     return scenario.durations, scenario.world, resolved.floor_plan
 
 
+class LoopParts(NamedTuple):
+    """The arguments of the compiled loop, and what they refer to.
+
+    Kernels hold no references: a freed array would be overwritten while the loop uses it.
+    """
+
+    structs: tuple[Any, ...]
+    memories: tuple[Memory, ...]  # by number of the strategy
+    functions: list[Any]  # strategies, then features
+    behind: Any  # the states behind the memories
+
+
 class Simulation:
     """One run of a resolved scenario.
 
@@ -126,7 +139,7 @@ class Simulation:
             resolved, self.seed, storage, in_convoy=in_convoy, order_number=orders
         )
         self.world: World = world
-        self.workspace = floor.borrow_space(self, self.world.rules.table_bytes)
+        self.workspace = self._borrow_space(floor)
         # (m,) int32: least driving time of each delivered order in ticks; NIL until it is computed.
         self.least = np.full(len(self.world.orders.state), NIL, np.int32)
         # (m, 2) int32: driving ticks by the ways that streets choose, and by the shortest; or NIL.
@@ -183,6 +196,10 @@ class Simulation:
         self._used = used_features(self.world, self._mode)
         with COMPILING.expected(self._to_be_compiled()):
             self._ticks = self._start()
+
+    def _borrow_space(self, floor: Any) -> Workspace:
+        space: Workspace = floor.borrow_space(self, self.world.rules.table_bytes)
+        return space
 
     def _to_be_compiled(self) -> list[Any]:
         """The functions that the first tick needs compiled."""
@@ -289,7 +306,15 @@ class Simulation:
         return checked_state(strategy, state, self.view)
 
     def _start(self) -> Iterator[int]:
-        arguments = (
+        loop, decide_type = _compiled_loop(self.strategies, np.flatnonzero(self._used).tolist())
+        parts = self._loop_parts(decide_type)
+        self._kept_alive = parts
+        ticks: Iterator[int] = loop(*parts.structs, parts.memories, self._used, *parts.functions)
+        return ticks
+
+    def _loop_parts(self, decide_type: Any) -> LoopParts:
+        """What the compiled loop runs on; the functions are compiled or loaded."""
+        structs = (
             (self.world, self.visible_world, self.view),
             (self.full_batch, self.batch, self._batch_view),
             self.decisions,
@@ -297,10 +322,9 @@ class Simulation:
             self.workspace,
             self._mode,
         )
-        mode, used = self._mode, self._used
+        mode = self._mode
         for index in np.flatnonzero(mode == loop_kernels.MODE_INTERPRETED):
             self._states[index] = self._states[index].copied()  # strategies may change theirs
-        loop, decide_type = _compiled_loop(self.strategies, np.flatnonzero(used).tolist())
         functions = [
             compiled_decide(type(strategy).compiled, decide_type)  # type: ignore[arg-type]
             if strategy is not None and kind == loop_kernels.MODE_COMPILED
@@ -309,7 +333,7 @@ class Simulation:
         ]
         functions += [
             compiled_feature(number) if is_used else absent_feature(number)
-            for number, is_used in enumerate(used)
+            for number, is_used in enumerate(self._used)
         ]
         self._states = [state.stopped_by(self.workspace.stop) for state in self._states]
         # Under a radius a strategy sees only the rows of the robot that it decides for.
@@ -338,10 +362,7 @@ class Simulation:
             self._workspace_view = (
                 self.workspace.for_kernels_only() if jit_is_on() else self.workspace
             )
-        # Kernels hold no references: a freed array would be overwritten while the loop uses it.
-        self._kept_alive = (arguments, functions, visible, views, memories)
-        ticks: Iterator[int] = loop(*arguments, tuple(memories), used, *functions)
-        return ticks
+        return LoopParts(structs, tuple(memories), functions, (visible, views))
 
     @property
     def states(self) -> list[Any]:

@@ -19,6 +19,7 @@ from automaton.engine.decisions import (
     CMD_RETREAT,
     CMD_STEP,
     CMD_TAKE_ORDER,
+    CMD_TURN,
     CMD_WAIT,
     Decisions,
 )

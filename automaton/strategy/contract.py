@@ -27,8 +27,8 @@ of way), `avoids_traffic`, `searches_by_astar`, `takes_shortest_routes` (routing
 plug-ins as for shipped strategies.
 
 A right of way that steers (`steers` = True) is asked in every tick (`period` = 1) about all robots
-that are free. It answers CMD_GO with a direction, CMD_HOLD, or KEEP for a robot that is to begin
-its task at its goal cell. Then robots have no routes, and routing is not asked.
+that are free. It answers CMD_GO with a direction, CMD_TURN, CMD_HOLD, or KEEP for a robot that is to
+begin its task at its goal cell. Then robots have no routes, and routing is not asked.
 """
 
 from __future__ import annotations

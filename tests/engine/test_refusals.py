@@ -33,6 +33,7 @@ from automaton.strategy.api import (
     CMD_PARK,
     CMD_RETREAT,
     CMD_STEP,
+    CMD_TURN,
     CMD_WAIT,
     Strategy,
 )
@@ -266,6 +267,8 @@ class Orders(Strategy):
         (CMD_HOLD, 4, True, "hold"),
         (CMD_WAIT, 20_000, True, "wait"),
         (CMD_STEP, 0, True, "command of steering"),
+        (CMD_TURN, 2, True, "quarter turn"),
+        (CMD_TURN, 1, False, "place of a turn"),
     ],
 )
 def test_each_rule_of_right_of_way(command: int, value: int, steers: bool, rule: str) -> None:

@@ -14,6 +14,7 @@ from automaton.strategy.api import (
     CMD_GO,
     CMD_HOLD,
     CMD_STEP,
+    CMD_TURN,
     GOAL_NONE,
     GOAL_PARK,
     GOAL_PICK,
@@ -24,7 +25,8 @@ from automaton.world.resolve import resolve
 
 
 class Scripted(Strategy):
-    """By robot, a letter for each tick: E S W N go there, h holds, e s w n hold, and would like to go."""
+    """By robot, a letter for each tick: E S W N go there, h holds, e s w n hold, and would like to go,
+    L and R turn."""
 
     layer = "right_of_way"
     steers = True
@@ -42,6 +44,9 @@ class Scripted(Strategy):
             if not script or script[0] == ".":
                 continue
             letter = script[0]
+            if letter in "LR":
+                out.command[k], out.value[k] = CMD_TURN, 1 if letter == "R" else 3
+                continue
             out.command[k] = CMD_GO if letter.isupper() else CMD_HOLD
             out.value[k] = NIL if letter == "h" else STEPS.index(letter.upper())
 
@@ -80,6 +85,18 @@ def test_robots_turn_and_move_as_they_are_told_and_nobody_asks_for_routes():
     run.tick(4)
     assert run.snapshot().tick == 4
     assert run.floor_plan.xy(int(run.world.robots.cell[0])) == (2, 1)
+
+
+def test_a_robot_turns_towards_a_wall_where_it_may_not_go():
+    run = SmallRun(
+        "A.", kinematics="differential", strategies={"right_of_way": Scripted(A="LLRNE")}
+    )
+    headings = []
+    for _ in range(5):
+        run.tick()
+        headings.append(int(run.world.robots.heading[0]))
+    assert headings == [3, 2, 3, 3, 0], "east, then left, left, right; no move north; east again"
+    assert int(run.world.tally.illegal[LAYER_RIGHT_OF_WAY]) == 1, "the move into the wall"
 
 
 def test_a_tick_in_which_a_robot_is_held_back_is_counted_and_explained():

@@ -29,7 +29,14 @@ from automaton.engine.jit.numba_parts import (
     infer_getattr,
     populate_array,
 )
-from automaton.engine.jit.structs import CONSTANT, WORDS_PER_ROW, NamedNumbers, Struct, StructClass
+from automaton.engine.jit.structs import (
+    CONSTANT,
+    WORDS_PER_ROW,
+    NamedNumbers,
+    Struct,
+    StructClass,
+    struct_of_address,
+)
 
 WORD: Final = ir.IntType(64)
 
@@ -284,6 +291,66 @@ def _store_number(
     if not kind.writable:
         raise NumbaTypeError(f"{kind.name.rpartition('_')[0]}.{attribute} is read-only here")
     builder.store(arguments[1], _place_of_number(builder, kind, arguments[0], attribute))
+
+
+# Structs and functions by their addresses, where kernels step many worlds in one call.
+
+
+def struct_at(cls: type[Struct], writable: bool = True) -> Any:
+    """A function (address) of kernels: the struct of a class at an address (`registered_address`)."""
+
+    def at(address: int) -> Any:
+        return struct_of_address(address)
+
+    @intrinsic
+    def load(context: Any, address: Any) -> Any:
+        return declared_type(cls, writable)(types.int64), lambda *arguments: arguments[3][0]
+
+    overload(at)(lambda address: lambda address: load(address))
+    return at
+
+
+FUNCTION_WORDS: Final = 2
+_FUNCTIONS: dict[int, Any] = {}  # by their first word, where kernels are plain Python
+
+
+def words_of_function(function: Any, signature: Any) -> tuple[int, int]:
+    """The words by which `function_at` finds a first-class function; zeros for None."""
+    if function is None:
+        return 0, 0
+    if not hasattr(function, "get_compile_result"):
+        _FUNCTIONS[id(function)] = function
+        return id(function), 0
+    result = function.get_compile_result(signature)
+    names = result.fndesc.llvm_cfunc_wrapper_name, result.fndesc.llvm_func_name
+    wrapper, code = (result.library.get_pointer_to_function(name) for name in names)
+    return wrapper, code
+
+
+def function_at(signature: Any) -> Any:
+    """A function (words, row) of kernels: the function of a signature in (f, 2) int64 `words`."""
+
+    def at(words: Any, row: int) -> Any:
+        return _FUNCTIONS.get(int(words[row, 0]))
+
+    if signature is None:
+        return at
+    kind = types.FunctionType(signature)
+
+    @intrinsic
+    def load(context: Any, wrapper: Any, code: Any) -> Any:
+        def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+            function = cgutils.create_struct_proxy(kind)(context, builder)
+            pointer = context.get_value_type(types.voidptr)
+            function.c_addr, function.jit_addr = (
+                builder.inttoptr(one, pointer) for one in arguments
+            )
+            return function._getvalue()
+
+        return kind(types.int64, types.int64), generate
+
+    overload(at)(lambda words, row: lambda words, row: load(words[row, 0], words[row, 1]))
+    return at
 
 
 # Bytes at raw addresses, for data whose type is unknown where it is copied.

@@ -628,3 +628,8 @@ def registered_address(struct: Struct) -> int:
     address = struct._address
     _STATES_BY_ADDRESS[address] = struct
     return address
+
+
+def struct_of_address(address: int) -> Struct:
+    """The registered struct of an address."""
+    return _STATES_BY_ADDRESS[int(address)]

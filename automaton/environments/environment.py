@@ -1,0 +1,452 @@
+"""`Environment`: worlds of one scenario, stepped together by compiled code into arrays of the caller."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from itertools import pairwise
+from typing import Any, Final
+
+import numpy as np
+
+from automaton.engine.jit.structs import registered_address
+from automaton.engine.random_numbers import STREAM_EPISODES, random_bits_of_each
+from automaton.engine.state import NIL, ORDER_LIST, Array
+from automaton.environments.external import text_of_actions
+from automaton.environments.resets import Copies, Restorer, restored
+from automaton.environments.stepped_worlds import EXTERNAL, Log, SteppedWorld, free_memory
+from automaton.environments.stepping import (
+    ADDRESS_COUNT,
+    FEATURE_COUNT,
+    REWARDS,
+    STATE_ENDED,
+    STATE_NEW,
+    STATE_RUNNING,
+    STATE_STOPPED,
+    Buffers,
+    Course,
+    Stepper,
+    compiled_driver,
+)
+from automaton.environments.windows import CHANNELS, scene_of
+from automaton.errors import InputError, alternatives, nearest
+from automaton.runs.simulation import no_room
+from automaton.scenario.document import Override
+from automaton.units import memory
+from automaton.world.resolve import resolve
+
+STEPPINGS: Final = ("tick", "decision")
+AUTORESETS: Final = ("next_step", "disabled")
+MAX_RADIUS: Final = 15
+MAX_ACTION: Final = 127  # in a log; higher ones are not allowed either
+Settings = Sequence[str]
+
+
+class Environment:
+    """W worlds of one scenario with N robots each, in which actions decide where robots move.
+
+    `scenario`: a path, the name of a shipped one, the content of a scenario file as a dict, or a
+    Scenario; `settings`: changes of it, such as "fleet.robots=32". `drive`: "free" (robots have no
+    routes) or "guided" (they follow the scenario's routes, and actions interrupt them). `radius`: of
+    the window around each robot, in cells; None: no windows. `channels`: what a window shows;
+    `features`: whether there are features, too. `reward`: weights of components. `stepping`: a step
+    is a "tick", or lasts until a robot has a "decision" to make. `max_ticks`: ticks after which an
+    episode is truncated, by default the scenario's `stop.max_duration`. `autoreset`: "next_step" or
+    "disabled". `threads`: that step the worlds. `buffers`: arrays by name that the environment fills,
+    instead of its own. With `log` each episode can be saved as a recording. Raises InputError.
+
+        env = Environment("tabletop-mini", worlds=4, max_ticks=200)
+        env.reset(seed=1)
+        for _ in range(100):
+            env.actions[:] = env.masks.argmax(axis=2)
+            env.step()
+        env.rewards.sum()
+    """
+
+    def __init__(
+        self,
+        scenario: Any,
+        worlds: int = 1,
+        settings: Settings = (),
+        *,
+        drive: str = "free",
+        radius: int | None = 2,
+        channels: Sequence[str] = ("walls", "robots", "goal"),
+        features: bool = False,
+        reward: Mapping[str, float] | None = None,
+        stepping: str = "tick",
+        max_ticks: int | None = None,
+        autoreset: str = "next_step",
+        threads: int = 1,
+        buffers: Mapping[str, Any] | None = None,
+        log: bool = False,
+    ) -> None:
+        check_name("drive", drive, EXTERNAL)
+        check_name("stepping", stepping, STEPPINGS)
+        check_name("autoreset", autoreset, AUTORESETS)
+        for channel in channels:
+            check_name("channel", channel, CHANNELS)
+        weights = weights_of({"delivered": 1.0} if reward is None else reward)
+        check_number("worlds", worlds, 1, None)
+        check_number("threads", threads, 1, worlds)
+        self.worlds, self.autoreset, self.drive = worlds, autoreset, drive
+        self.channels, self.radius = tuple(channels) if radius is not None else (), radius
+        self._scenario, self._settings = scenario, settings
+        self._resolved = resolved_for(scenario, settings, drive)
+        limit = self._resolved.scenario.stop.max_duration
+        self.max_ticks = limit if max_ticks is None else max_ticks
+        check_number("max_ticks", self.max_ticks, 1, limit)
+        self._first = SteppedWorld(self._resolved, self._resolved.scenario.seed)
+        check_sight(self._first.world.rules, self.channels, radius)
+        self.robots = len(self._first.world.robots.cell)
+        self.actions_count = action_count(self._first, drive)
+        self._check_memory(features, buffers or {})
+        self._make_buffers(features, buffers or {})
+        self._spaces = [self._first.workspace]
+        self._spaces += [self._first.new_space() for _ in range(threads - 1)]
+        self._runs = cut(worlds, threads)
+        self._worlds: list[SteppedWorld | None] = [None] * worlds
+        self._copies: list[Copies | None] = [None] * worlds
+        self._restorer = Restorer(self._first)
+        self.compiled_reset = self._restorer.draws is not None
+        self._logs = [Log() for _ in range(worlds)] if log else None
+        self._make_stepper(weights, stepping == "decision", features)
+        self._pool = ThreadPoolExecutor(threads - 1) if threads > 1 else None
+        self._seed = int(self._resolved.scenario.seed)
+        self._episodes = np.full(worlds, NIL, np.int64)
+        self._is_closed = False
+
+    # What it is made of.
+
+    def _shapes(self, features: bool) -> dict[str, tuple[tuple[int, ...], str]]:
+        """The shape and dtype of each buffer."""
+        each = self.worlds, self.robots
+        side = 0 if self.radius is None else 2 * self.radius + 1
+        shapes = {
+            "actions": (each, "int32"),
+            "masks": ((*each, self.actions_count), "int8"),
+            "acting": (each, "uint8"),
+            "elapsed": (each, "int32"),
+            "rewards": (each, "float32"),
+            "terminations": (each, "bool"),
+            "truncations": (each, "bool"),
+            "seeds": ((self.worlds,), "uint64"),
+            "ticks": ((self.worlds,), "int64"),
+            "invalid": ((self.worlds,), "int64"),
+        }
+        if self.radius is not None:
+            shapes["observations"] = (*each, len(self.channels), side, side), "uint8"
+        if features:
+            shapes["features"] = (*each, FEATURE_COUNT), "float32"
+        return shapes
+
+    def _check_memory(self, features: bool, taken: Mapping[str, Any]) -> None:
+        """Raises InputError if the worlds do not fit into the memory that is free."""
+        sizes = [
+            int(np.prod(shape)) * np.dtype(dtype).itemsize
+            for name, (shape, dtype) in self._shapes(features).items()
+            if name not in taken
+        ]
+        each = self._first.bytes
+        self.bytes = self.worlds * each + sum(sizes)
+        free = free_memory()
+        if free is not None and self.bytes > free:
+            fit = max((free - sum(sizes)) // each, 0)
+            raise InputError(
+                f"{self.worlds:,} worlds take {memory(self.bytes)}, and {memory(free)} are free: at "
+                f"most {fit:,} worlds fit"
+            )
+
+    def _make_buffers(self, features: bool, given: Mapping[str, Any]) -> None:
+        shapes = self._shapes(features)
+        for name in given:
+            check_name("buffer", name, shapes)
+        arrays = {
+            name: checked_buffer(name, given[name], shape, dtype)
+            if name in given
+            else np.zeros(shape, dtype)
+            for name, (shape, dtype) in shapes.items()
+        }
+        self.actions, self.masks, self.acting = (
+            arrays[name] for name in ("actions", "masks", "acting")
+        )
+        self.rewards, self.elapsed = arrays["rewards"], arrays["elapsed"]
+        self.terminations, self.truncations = arrays["terminations"], arrays["truncations"]
+        self.seeds, self.ticks, self.invalid = (
+            arrays[name] for name in ("seeds", "ticks", "invalid")
+        )
+        self.observations: Array | None = arrays.get("observations")
+        self.features: Array | None = arrays.get("features")
+        each = self.worlds, self.robots
+        flat = {name: arrays.get(name) for name in Buffers._fields}
+        windows = flat["observations"]
+        flat["observations"] = (
+            np.zeros((*each, 0), np.uint8) if windows is None else windows.reshape((*each, -1))
+        )
+        if flat["features"] is None:
+            flat["features"] = np.zeros((*each, 0), np.float32)
+        self._buffers = Buffers(**flat)
+
+    def _make_stepper(self, weights: Array, until_acting: bool, features: bool) -> None:
+        course = np.zeros(len(Course.meanings), np.int64).view(Course)
+        course.robots, course.actions = self.robots, self.actions_count
+        course.drive = int(self.drive == "guided")
+        course.until_acting, course.max_ticks = int(until_acting), self.max_ticks
+        losses = [weights[list(REWARDS).index(name)] for name in ("blocked", "energy")]
+        course.counts_losses = int(features or any(losses))
+        course.measures = int(features or weights[list(REWARDS).index("nearer")] != 0)
+        first = self._first
+        rules = first.world.rules
+        sight = rules.radius if rules.radius > 0 and rules.circle else NIL
+        self._scene = scene_of(first.world.grid, self.channels, self.radius or 0, sight)
+        self._stepper = Stepper(
+            course=course,
+            addresses=np.zeros((self.worlds, ADDRESS_COUNT), np.int64),
+            functions=first.words(
+                self.radius, features, bool(course.measures), self._logs is not None
+            ),
+            mode=first.mode,
+            used=first.used,
+            weights=weights,
+            state=np.full(self.worlds, STATE_ENDED, np.int64),
+            buffers=self._buffers,
+        )
+        self._state = self._stepper.state
+        self._address = registered_address(self._stepper)
+        self._space_addresses = [registered_address(space) for space in self._spaces]
+        self._drive = compiled_driver()
+
+    # Episodes.
+
+    def reset(self, seed: int | None = None, *, options: Mapping[str, Any] | None = None) -> None:
+        """Begin an episode in all worlds, or in those of `options["reset_mask"]`, bool (W,).
+
+        With `seed`, episodes are counted from 0 again; without, each world begins its next one.
+        `options["seeds"]`, uint64 (W,), names the seeds of the episodes. Other options are ignored.
+        """
+        self._check_open()
+        mask = np.ones(self.worlds, bool)
+        seeds = None
+        if options is not None and "reset_mask" in options:
+            mask = checked_buffer("reset_mask", options["reset_mask"], (self.worlds,), "bool")
+        if options is not None and "seeds" in options:
+            seeds = checked_buffer("seeds", options["seeds"], (self.worlds,), "uint64")
+        if seed is not None:
+            check_number("seed", seed, 0, None)
+            self._seed = seed
+            self._episodes[mask] = NIL
+        self._begin(np.flatnonzero(mask), seeds)
+        for w in np.flatnonzero(mask).tolist():
+            self._drive(self._address, self._space_addresses[0], w, w + 1)
+        self._after_step()
+
+    def _begin(self, numbers: Array, seeds: Array | None = None) -> None:
+        """Bring worlds to the beginning of their next episodes."""
+        if not len(numbers):
+            return
+        self._episodes[numbers] += 1
+        drawn = np.zeros(len(numbers), np.uint64)
+        with np.errstate(over="ignore"):
+            random_bits_of_each(
+                drawn, np.uint64(self._seed), STREAM_EPISODES, self._episodes[numbers], numbers
+            )
+        drawn >>= np.uint64(1)
+        self.seeds[numbers] = drawn if seeds is None else seeds[numbers]
+        for w in numbers.tolist():
+            self._begin_world(w, int(self.seeds[w]))
+
+    def _begin_world(self, w: int, seed: int) -> None:
+        """Bring a world to tick 0."""
+        world, copies = self._worlds[w], self._copies[w]
+        if world is None or copies is None:
+            world = SteppedWorld(self._resolved, seed, self._spaces[self._run_of(w)])
+            self._worlds[w] = world
+            row = world.connect(self._scene, self.radius, self._logs is not None)
+            self._stepper.addresses[w] = row
+            if self._restorer.draws is not None:
+                self._copies[w] = self._restorer.copies(world)
+        else:
+            assert self._restorer.draws is not None
+            copies.seed[0] = seed
+            restored(world, self._restorer.draws, copies)
+            world.forget()
+        self._state[w] = STATE_NEW
+        self.invalid[w] = 0
+        if self._logs is not None:
+            self._logs[w] = Log()
+
+    def _run_of(self, w: int) -> int:
+        """The thread that steps a world."""
+        return next(k for k, (_, last) in enumerate(self._runs) if w < last)
+
+    # Steps.
+
+    def step(self, actions: Any = None) -> None:
+        """Execute the actions of all robots, and fill the buffers.
+
+        `actions`: (W, N) integers, which are copied into the buffer `actions`. Raises InputError
+        before the first `reset`, and if the distance tables of a tick do not fit.
+        """
+        self._check_open()
+        if self._worlds[0] is None:
+            raise InputError("call reset() before step()")
+        if actions is not None:
+            self._take(actions)
+        if self._logs is not None:
+            self._note_actions(self._logs)
+        if self.autoreset == "next_step":
+            self._begin(np.flatnonzero(self._state == STATE_ENDED))
+        if self._pool is None:
+            self._drive(self._address, self._space_addresses[0], 0, self.worlds)
+        else:
+            others = [
+                self._pool.submit(self._drive, self._address, space, *run)
+                for space, run in zip(self._space_addresses[1:], self._runs[1:], strict=True)
+            ]
+            self._drive(self._address, self._space_addresses[0], *self._runs[0])
+            for other in others:
+                other.result()
+        self._after_step()
+
+    def _take(self, actions: Any) -> None:
+        array = np.asarray(actions)
+        if array.shape != self.actions.shape or array.dtype.kind not in "iub":
+            raise InputError(
+                f"actions are integers of the shape {self.actions.shape}; found {array.dtype} "
+                f"{array.shape}"
+            )
+        np.copyto(self.actions, array, casting="unsafe")
+
+    def _after_step(self) -> None:
+        if self._logs is not None:
+            for w, log in enumerate(self._logs):
+                log.digests[int(self.ticks[w])] = self._world(w).logged_digest
+        if (self._state == STATE_STOPPED).any():
+            w = int(np.argmax(self._state == STATE_STOPPED))
+            world = self._worlds[w]
+            assert world is not None
+            raise no_room(world.world, [*self._spaces, *world.states])
+
+    def close(self) -> None:
+        """Release the threads and worlds; the environment cannot be used any more."""
+        if self._pool is not None:
+            self._pool.shutdown()
+        self._worlds = [None] * self.worlds
+        self._is_closed = True
+
+    def _check_open(self) -> None:
+        if self._is_closed:
+            raise InputError("the environment is closed: make a new one")
+
+    # Looking at it.
+
+    def digests(self) -> Array:
+        """(W,) uint64: the digest of the state of each world."""
+        return np.array([int(self._world(w).digest, 16) for w in range(self.worlds)], np.uint64)
+
+    def picture(self, w: int = 0) -> str:
+        """The picture of a world as text."""
+        from automaton.runs.pictures.pictures import picture_of
+
+        return picture_of(self._world(w), brief=True)
+
+    def save(self, w: int, path: Any) -> None:
+        """Run the latest episode of a world again in a simulation, and record it in a file.
+
+        The environment needs `log=True`. Raises InputError.
+        """
+        from automaton.environments.saving import save_episode
+
+        world = self._world(w)
+        if self._logs is None:
+            raise InputError("only an environment made with log=True keeps actions to save")
+        rows = self._logs[w].rows(int(self.ticks[w]), self.robots)
+        actions = resolved_for(self._scenario, self._settings, self.drive, text_of_actions(rows))
+        save_episode(actions, world.seed, self._logs[w].digests, path)
+
+    def _note_actions(self, logs: Sequence[Log]) -> None:
+        """Note the actions that enter in the next step."""
+        for w in np.flatnonzero(self._state == STATE_RUNNING).tolist():
+            world, log = self._world(w), logs[w]
+            allowed = np.clip(self.actions[w], -1, MAX_ACTION)
+            log.actions[int(world.world.clock.tick)] = allowed.astype(np.int8)
+
+    def _world(self, w: int) -> SteppedWorld:
+        check_number("world", w, 0, self.worlds - 1)
+        world = self._worlds[w]
+        if world is None:
+            raise InputError("call reset() first: no episode has begun")
+        return world
+
+
+def resolved_for(scenario: Any, settings: Settings, drive: str, actions: str = "") -> Any:
+    """The scenario with the right of way through which actions enter. Raises InputError."""
+    if isinstance(settings, str):
+        raise InputError(f"settings is a list of texts such as [{settings!r}]; found a text")
+    chosen = {"name": EXTERNAL[drive], "actions": actions}
+    keys = ("strategy", "right_of_way")
+    return resolve(scenario, (*settings, Override(f"{'.'.join(keys)}={drive}", keys, chosen)))
+
+
+def check_name(kind: str, name: str, known: Iterable[str]) -> None:
+    """Raises InputError for an unknown name."""
+    if name not in known:
+        found = nearest(str(name), known)
+        raise InputError(f"unknown {kind} {name!r}{found}: allowed are {alternatives(known)}")
+
+
+def check_number(name: str, value: Any, least: int, most: int | None) -> None:
+    """Raises InputError for a number out of bounds."""
+    is_whole = isinstance(value, int | np.integer) and not isinstance(value, bool)
+    if not is_whole or value < least or (most is not None and value > most):
+        bounds = f"at least {least:,}" if most is None else f"{least:,} to {most:,}"
+        raise InputError(f"{name} is {bounds}; found {value!r}")
+
+
+def weights_of(reward: Mapping[str, float]) -> Array:
+    """(r,) float64: the weight of each component of rewards. Raises InputError."""
+    for name in reward:
+        check_name("component of reward", name, REWARDS)
+    return np.array([float(reward.get(name, 0.0)) for name in REWARDS])
+
+
+def check_sight(rules: Any, channels: Sequence[str], radius: int | None) -> None:
+    """Raises InputError if windows show more than the scenario lets robots see."""
+    if radius is None:
+        return
+    check_number("radius", radius, 0, MAX_RADIUS)
+    if rules.radius == NIL:
+        return
+    sight = 1 if rules.radius == ORDER_LIST else int(rules.radius)
+    if radius > sight:
+        raise InputError(
+            f"radius is {radius}, and by the scenario's information robots see {sight} cells far: it "
+            f"is at most {sight}"
+        )
+    if "goals" in channels:
+        raise InputError("the channel goals shows all robots: it needs information: everything")
+
+
+def action_count(world: SteppedWorld, drive: str) -> int:
+    """The number of actions of a robot: that of the kinematics with the most."""
+    kinds = world.world.grid.type_headings
+    return (5 if (kinds == 1).any() else 4) + int(drive == "guided")
+
+
+def cut(worlds: int, threads: int) -> list[tuple[int, int]]:
+    """The first and the last world, not included, of each thread."""
+    ends = [worlds * k // threads for k in range(threads + 1)]
+    return list(pairwise(ends))
+
+
+def checked_buffer(name: str, array: Any, shape: tuple[int, ...], dtype: str) -> Array:
+    """The array, if the environment can fill it. Raises InputError."""
+    wanted = f"a C-contiguous array of {dtype}, shape {shape}"
+    if not isinstance(array, np.ndarray):
+        raise InputError(f"{name} is {wanted}; found {type(array).__name__}")
+    if array.dtype != np.dtype(dtype) or array.shape != shape:
+        raise InputError(f"{name} is {wanted}; found {array.dtype}, shape {array.shape}")
+    if not array.flags.c_contiguous or not array.flags.writeable:
+        fault = "read-only" if array.flags.c_contiguous else "not C-contiguous"
+        raise InputError(f"{name} is {wanted} that can be written; it is {fault}")
+    return array

@@ -1,0 +1,161 @@
+"""What an environment promises, at length: run by hand.
+
+    nice python tests/helpers/environment_trials.py [STEPS [SCENARIO ...]]
+
+1. Each shipped scenario whose other layers are compiled: 3 seeds, W = 1, 7 and 64 worlds, threads 1 and
+   2; the digests of a world are equal at each of STEPS steps (default 500), and in a simulation that
+   repeats its actions.
+2. Random floors of all kinematics: a million robot steps of allowed actions, none illegal, none invalid.
+3. 200 seeds for each generator of orders with a compiled reset: the digest of a fresh simulation.
+Exits with 1 if anything differs.
+"""
+
+from __future__ import annotations
+
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import steering_trials
+
+from automaton.environments import Environment
+from automaton.errors import InputError
+from automaton.runs.simulation import Simulation
+from automaton.scenario.text_files import shipped
+
+SEEDS = (1, 2, 3)
+BATCHES = ((1, 1), (7, 1), (7, 2), (64, 2))  # worlds and threads
+FLOOR_STEPS = 1_000_000  # of robots
+RESETS = 200
+GENERATORS: dict[str, dict[str, Any]] = {
+    "tours": {"generator": "tours", "count": 30, "stops": 3},
+    "tours in turn": {"generator": "tours", "count": 30, "stops": 2, "assign": "round-robin"},
+}
+
+
+def chosen(env: Environment, w: int, step: int) -> Any:
+    """Allowed actions of a world, which depend on its number and the step alone."""
+    draws = np.random.default_rng([w, step]).random(env.masks[w].shape)
+    return (draws * env.masks[w]).argmax(axis=1)
+
+
+def digests(env: Environment, steps: int, worlds: int) -> list[list[int]]:
+    """The digests of the first worlds after each step."""
+    found = []
+    for step in range(steps):
+        for w in range(env.worlds):
+            env.actions[w] = chosen(env, w, step)
+        env.step()
+        found.append([int(env._world(w).digest, 16) for w in range(worlds)])
+    return found
+
+
+def batches(name: str, seed: int, steps: int) -> str:
+    """How an episode differs alone, in batches and in threads; "" if it does not."""
+    expected: list[list[int]] = []
+    for worlds, threads in BATCHES:
+        env = Environment(name, worlds, threads=threads)
+        env.reset(seed=seed)
+        found = digests(env, steps // 8 if worlds > 7 else steps, 1)  # the large batch costs more
+        env.close()
+        expected = expected or found
+        if found != expected[: len(found)]:
+            first = next(k for k, row in enumerate(found) if row != expected[k])
+            return f"{worlds} worlds, {threads} threads: step {first} differs"
+    return ""
+
+
+def repeated(name: str, seed: int, steps: int, drive: str) -> str:
+    """How a saved episode differs from a simulation; "" if it does not."""
+    env = Environment(name, 1, drive=drive, log=True)
+    env.reset(seed=seed)
+    digests(env, steps, 1)
+    with tempfile.TemporaryDirectory() as folder:
+        try:
+            env.save(0, Path(folder) / "run.rec")
+        except AssertionError as error:
+            return f"{drive}: {error}"
+    illegal = int(env._world(0).world.tally.illegal.sum())
+    invalid = int(env.invalid[0])
+    return f"{drive}: {illegal} illegal, {invalid} invalid" if illegal or invalid else ""
+
+
+def floors() -> Iterator[str]:
+    """What is illegal or invalid on random floors."""
+    done, seed, floors_tried = 0, 0, 0
+    while done < FLOOR_STEPS:
+        seed += 1
+        try:
+            scenario = steering_trials.scenario_of("pibt", seed)
+            env = Environment(scenario, 4, drive=("free", "guided")[seed % 2], radius=1)
+        except InputError:
+            continue
+        floors_tried += 1
+        env.reset(seed=seed)
+        for step in range(120):
+            for w in range(env.worlds):
+                env.actions[w] = chosen(env, w, step)
+            env.step()
+            if env.invalid.any():
+                yield f"floor {seed}, step {step}: {env.invalid.tolist()} invalid"
+                break
+        illegal = [env._world(w).world.tally.illegal.tolist() for w in range(env.worlds)]
+        if np.any(illegal):
+            yield f"floor {seed}: {illegal} illegal"
+        done += 120 * env.worlds * env.robots
+    print(f"{done:,} robot steps on {floors_tried:,} floors", flush=True)
+
+
+def resets() -> Iterator[str]:
+    """Where a compiled reset differs from a simulation."""
+    for name, orders in GENERATORS.items():
+        for kinematics in ("omni", "differential"):
+            scenario = {
+                "name": "resets",
+                "layout": {"generator": "random", "columns": 9, "rows": 9, "obstacles": 0.2},
+                "fleet": {"robots": 7, "kinematics": kinematics, "start": "random"},
+                "orders": orders,
+                "stop": {"when": "never", "max_duration": 9},
+            }
+            env = Environment(scenario, 1)
+            if not env.compiled_reset:
+                yield f"{name}, {kinematics}: the reset is not compiled"
+                continue
+            env.reset(seed=1)
+            for seed in range(RESETS):
+                env.step(np.ones((1, 7), int))
+                env._begin_world(0, seed)
+                fresh = Simulation(env._resolved, seed)
+                if env._world(0).digest != fresh.digest:
+                    yield f"{name}, {kinematics}: seed {seed} differs"
+        print(f"{name}: {RESETS} seeds for each kinematics", flush=True)
+
+
+def main(steps: int, names: list[str]) -> int:
+    faults = 0
+    for name in names:
+        begun = time.process_time()
+        try:
+            Environment(name, 1)
+        except InputError as error:
+            print(f"{name}: {error}", flush=True)
+            continue
+        told = [batches(name, seed, steps) for seed in SEEDS]
+        told += [repeated(name, 1, min(steps, 100), drive) for drive in ("free", "guided")]
+        told = [one for one in told if one]
+        faults += len(told)
+        seconds = time.process_time() - begun
+        print(f"{name}: {'; '.join(told) or 'equal'} ({seconds:.0f} s)", flush=True)
+    for fault in (*floors(), *resets()):
+        faults += 1
+        print(fault, flush=True)
+    return 1 if faults else 0
+
+
+if __name__ == "__main__":
+    given = sys.argv[1:]
+    sys.exit(main(int(given[0]) if given else 500, given[1:] or list(shipped())))

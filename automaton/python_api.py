@@ -41,7 +41,7 @@ if TYPE_CHECKING:
 
 # A path, the name of a shipped scenario, the content of a scenario file as a dict, or a Scenario.
 ScenarioLike: TypeAlias = "str | Path | Mapping[str, Any] | Scenario"
-# By layer: a name, {name: NAME, PARAMETER: VALUE}, or a class.
+# By layer: a name, {name: NAME, PARAMETER: VALUE}, a class, or an instance.
 Strategies = Mapping[str, Any]
 
 
@@ -51,13 +51,13 @@ def settings_of(overrides: dict[str, Any], strategies: Strategies | None = None)
     The class of a strategy is registered by name for the rest of this process. Raises InputError.
     """
     from automaton.scenario.document import Override, keys_of
-    from automaton.strategy.lookup import name_of_class
+    from automaton.strategy.lookup import spec_of
 
     values = overrides | {f"strategy.{layer}": one for layer, one in (strategies or {}).items()}
     settings = []
     for name, value in values.items():
         key = name.replace("__", ".")
-        plain = name_of_class(value) if isinstance(value, type) else value
+        plain = spec_of(value)
         settings.append(Override(f"{key}={plain!r}", keys_of(key), plain))
     return settings
 
@@ -106,9 +106,10 @@ def simulate(
 ) -> Outcome:
     """Run a scenario once, in this process, to its end.
 
-    `scenario`, `seed`: as for `load`. `strategies`: a dict with a name, a dict of a name and
-    parameters, or a class for each layer that changes; a function decorated with `per_robot` is
-    such a class. `overrides`: keys of the scenario, `fleet__robots=3` or `**{"fleet.robots": 3}`.
+    `scenario`, `seed`: as for `load`. `strategies`: for each layer that changes a name, a dict of a
+    name and parameters, a class, or an instance, of which each run gets a copy; a function decorated
+    with `per_robot` is such a class. `overrides`: keys of the scenario, `fleet__robots=3` or
+    `**{"fleet.robots": 3}`.
     With `tables` the outcome has `tables.orders`, `lines`, `trips`, `robots` and `stations`, each a
     pyarrow Table; `states` (a period such as "10 s", or a number of ticks) adds the table `states`,
     and `events=True` adds the table `events`; each also adds the table `cells`. `folder`: a new

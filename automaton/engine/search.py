@@ -141,6 +141,21 @@ def distance(view, workspace, robot_type, cell, heading, target):
 
 
 @kernel
+def distances(view, workspace, robots, cells, out):
+    """Set out[k] to the ticks of robot robots[k], free or at the end of its move, to cell cells[k].
+
+    Robots are storage indices; one in its parking bay begins in its home cell.
+    """
+    at = view.robots
+    for k in range(robots.shape[0]):
+        i = np.int64(robots[k])
+        cell = np.int64(at.cell[i] if at.claim[i] == NIL else at.claim[i])
+        cell = np.int64(at.home[i]) if cell == NIL else cell
+        robot_type, heading = np.int64(at.type[i]), np.int64(at.heading[i])
+        out[k] = distance(view, workspace, robot_type, cell, heading, np.int64(cells[k]))
+
+
+@kernel
 def shortest_distance(view, workspace, robot_type, cell, heading, target):
     """Ticks of the shortest way from a pose to a cell, whatever the weights of streets."""
     table = passing_table(view, workspace, robot_type, target)

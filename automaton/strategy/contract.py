@@ -34,7 +34,10 @@ begin its task at its goal cell. Then robots have no routes, and routing is not 
 from __future__ import annotations
 
 import inspect
+import linecache
+import re
 from collections.abc import Callable, Collection, Mapping
+from pathlib import Path
 from typing import Any, ClassVar
 
 import msgspec
@@ -225,6 +228,8 @@ def _compile(function: Any, signature: Any) -> Any:
     try:
         return first_class(function, signature)
     except NumbaError as error:
+        if allocation := _allocation_in(str(error)):
+            raise InputError(allocation) from error
         lines = [line.strip() for line in str(error).splitlines() if line.strip()]
         told = next(
             (line for line in lines if "Error" not in line and "pipeline" not in line), lines[0]
@@ -233,3 +238,34 @@ def _compile(function: Any, signature: Any) -> Any:
         raise InputError(
             f"{place}: the strategy does not compile: {told} {where}".strip()
         ) from error
+
+
+# What Numba says, as kernels have no allocator; the second one about arrays that NumPy returns.
+NO_ALLOCATOR = re.compile(
+    "NRT required but not enabled|(?s:Overload in function.*)Only accept returning of array"
+)
+PLACE_IN_MESSAGE = re.compile(r" at (\S.*?) \((\d+)\)$", re.MULTILINE)
+
+
+def _allocation_in(message: str) -> str:
+    """Return the sentence about a kernel that allocates, from Numba's message; "" if none does.
+
+    The message names the places from the innermost call outwards, those inside Numba included.
+    """
+    import numba
+
+    inside = str(Path(numba.__file__).parent)
+    places = PLACE_IN_MESSAGE.findall(message) if NO_ALLOCATOR.search(message) else []
+    for file, line in places:
+        if not file.startswith(inside):
+            what = _expression_of(file, int(line))
+            text = f"{file}:{line}: kernels may not allocate; line {line}: {what}"
+            return f"{text}; keep arrays in the state of the strategy"
+    return ""
+
+
+def _expression_of(file: str, line: int) -> str:
+    """Return what allocates in a line of source: the function that it calls, or the line itself."""
+    text = linecache.getline(file, line).strip()
+    called = re.search(r"\bnp(\.\w+)+(?=\()", text)
+    return called[0] if called else text

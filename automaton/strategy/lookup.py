@@ -6,6 +6,7 @@ Numba, and imports a strategy only when it is loaded.
 
 from __future__ import annotations
 
+import copy
 import importlib
 from functools import cache
 from pathlib import Path
@@ -207,6 +208,35 @@ def name_of_class(kind: type) -> str:
     name = f"{kind.__module__}:{kind.__qualname__}"
     _GIVEN[name] = kind
     return name
+
+
+def spec_of(choice: Any) -> Any:
+    """The data of a strategy that a program passes as a name, data, a class or an instance.
+
+    Each run gets a copy of an instance, with its parameters and its other attributes.
+    """
+    if isinstance(choice, type):
+        return name_of_class(choice)
+    kind = type(choice)
+    if not hasattr(kind, "layer"):
+        return choice
+    if vars(choice).keys() != {"parameters"}:
+        kind = _class_of_copies(choice)
+    parameters: dict[str, Any] = msgspec.to_builtins(choice.parameters)
+    return {"name": name_of_class(kind), **parameters}
+
+
+def _class_of_copies(choice: Any) -> type:
+    """A class whose instances are copies of a strategy."""
+    kind = type(choice)
+
+    def make(self: Any, parameters: Any = None) -> None:
+        self.__dict__.update(copy.deepcopy(vars(choice)))
+        self.parameters = choice.parameters if parameters is None else parameters
+
+    name = f"{kind.__qualname__}-{len(_GIVEN)}"
+    body = {"__init__": make, "__module__": kind.__module__, "__qualname__": name}
+    return type(kind.__name__, (kind,), body | {"__doc__": kind.__doc__})
 
 
 def load(layer: str, name: str) -> Any:

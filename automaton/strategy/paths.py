@@ -6,13 +6,14 @@ All costs are ticks on poses (cell, heading), including turns; ties are broken b
 from __future__ import annotations
 
 from collections.abc import Iterable
+from typing import Any
 
 import numpy as np
 
 from automaton.engine import search
 from automaton.engine.distance_tables import UNREACHABLE as UNREACHABLE
 from automaton.engine.operations import with_load
-from automaton.engine.state import NIL, Workspace, World
+from automaton.engine.state import NIL, Array, Workspace, World
 from automaton.strategy import placing as slot_access
 
 
@@ -44,6 +45,27 @@ def distance(view: World, workspace: Workspace, robot: int, target: int) -> int:
     cell = position(view, robot)
     robot_type = int(view.robots.type[robot])
     return int(search.distance(view, workspace, robot_type, cell, heading, _checked(view, target)))
+
+
+def distances(view: World, workspace: Workspace, robots: Any, cells: Any) -> Array:
+    """Ticks as `distance` gives them, of many robots to many cells in one call.
+
+    `robots` and `cells` are broadcast as in NumPy: two lists of k are k pairs, and `robots[:, None]`
+    with `cells` gives a row for each robot. Order both so that pairs with one cell follow each other
+    if there are more cells than room for distance tables.
+    """
+    pairs = np.broadcast_arrays(np.asarray(robots, np.int64), np.asarray(cells, np.int64))
+    who, to = (np.ascontiguousarray(each).reshape(-1) for each in pairs)
+    for numbers, size, name in (
+        (who, len(view.robots.cell), "robot"),
+        (to, len(view.grid.cell_flags), "cell"),
+    ):
+        wrong = np.flatnonzero((numbers < 0) | (numbers >= size))
+        if len(wrong):
+            raise IndexError(f"there is no {name} {numbers[wrong[0]]}: the last one is {size - 1}")
+    out = np.empty(len(who), np.int64)
+    search.distances(view, workspace, who, to, out)
+    return out.reshape(pairs[0].shape)
 
 
 def pickup_cell(view: World, robot: int, slot: int) -> int | None:

@@ -111,6 +111,15 @@ def test_a_kernel_that_writes_to_the_view_is_refused_with_its_place() -> None:
 
 
 @pytest.mark.skipif(not jit_is_on(), reason="compilation is off")
+def test_a_kernel_that_makes_an_array_is_refused_with_its_line() -> None:
+    line = example_strategies.copy_of_batch.py_func.__code__.co_firstlineno + 2
+    with pytest.raises(InputError) as caught:
+        run("tabletop-mini", "strategy.allocation=example_strategies:Allocates")
+    sentence = f"example_strategies.py:{line}: kernels may not allocate; line {line}: np.empty; "
+    assert sentence in str(caught.value)
+
+
+@pytest.mark.skipif(not jit_is_on(), reason="compilation is off")
 def test_a_kernel_with_a_missing_argument_is_refused_with_its_place() -> None:
     with pytest.raises(InputError, match=r"strategies\.py:\d+: a compiled decide takes \(view"):
         run("tabletop-mini", "strategy.allocation=example_strategies:WrongArity")

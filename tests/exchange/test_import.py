@@ -69,11 +69,11 @@ def test_water_is_drawn_as_wall_and_counted(
     assert "4 cells of floor, 2 of wall, 1 of them water" in capsys.readouterr().out
 
 
-def test_trips_are_done_once(tmp_path: Path) -> None:
+def test_trips_are_done_once_and_robots_stay_there(tmp_path: Path) -> None:
     (tmp_path / "a.map").write_text(MAP)
     (tmp_path / "no.scen").write_text("version 1\n0 a.map 3 2 0 0 1 1 2\n")
     scenario = yaml.safe_load(imported_files(read_problem(tmp_path / "no.scen"), "a", 9)["a.yaml"])
-    assert scenario["name"] == "no" and scenario["stop"]["when"] == "delivered"
+    assert scenario["name"] == "no" and scenario["stop"]["when"] == "on-targets"
     assert scenario["orders"]["repeat"] is False
 
 

@@ -71,9 +71,10 @@ def test_a_wrong_sum_of_costs_is_a_violation(tmp_path: Path) -> None:
 def test_moves_of_several_ticks_cost_their_ticks(tmp_path: Path) -> None:
     problem = drawn(tmp_path, LANE, (0, 0, 2, 0), (3, 0, 4, 0))
     attempt(problem, "pibt", ticks=50)
+    recording = tmp_path / "slow"
     slow = ("--set", "durations.move=3", "--set", "durations.turn=3")
     code, text, _ = command(
-        "run", tmp_path / "problem.yaml", *slow, "--record", tmp_path / "slow", "--json"
+        "run", tmp_path / "problem.yaml", *slow, "--record", recording, "--json"
     )
     metrics = json.loads(text)["metrics"]
     assert (code, metrics["makespan"], metrics["sum_of_costs"]) == (0, 6, 9)

@@ -139,6 +139,20 @@ class CompiledWrites(Strategy):
 
 
 @kernel
+def copy_of_batch(view, batch, decisions, memory, workspace):
+    robots = np.empty(batch.count)
+    for k in range(batch.count):
+        robots[k] = batch.robot[k]
+
+
+class Allocates(Strategy):
+    """Allocation: a kernel that makes an array."""
+
+    layer = "allocation"
+    compiled = copy_of_batch
+
+
+@kernel
 def four_arguments(view, batch, decisions, memory):
     pass
 

@@ -171,6 +171,19 @@ def test_the_compiled_strategy_of_the_tutorial_decides_as_the_one_in_python(tmp_
     assert kernel["metrics"]["orders_taken"] >= kernel["delivered"] > 0
 
 
+def test_the_compiled_right_of_way_of_the_tutorial_decides_as_the_one_in_python(
+    tmp_path: Path,
+) -> None:
+    write_files(page("docs/tutorials/your-own-right-of-way.md"), tmp_path)
+    run = "automaton run random-400 --until 10 --json --set strategy.right_of_way="
+    with in_this_process(tmp_path):
+        python, kernel = (
+            json.loads(carry_out(run + one, tmp_path)) for one in ("right:Right", "quick:Quick")
+        )
+    assert python["digest"] == kernel["digest"]
+    assert kernel["metrics"]["illegal_answers"] == 0 < kernel["delivered"]
+
+
 @pytest.mark.parametrize(
     "scenario",
     [

@@ -18,10 +18,12 @@ from everything_on import scenario_of
 
 import automaton
 from automaton.commands import commit_of, main
+from automaton.engine.state import LAYER_ALLOCATION
 from automaton.errors import InputError
 from automaton.scenario.reading import read
 from automaton.strategy.per_robot import Decision, LocalView, Me, deliver, park, take
 from automaton.verification.verification import verify
+from strategies.allocation.first_come import FirstCome
 
 EVERYTHING_ON = (9, 28)  # seeds of floors with pods, gates, faults and charging
 TICKS, LATER = 150, 400
@@ -76,6 +78,33 @@ def test_strategies_in_python_remember_the_past(tmp_path: Path) -> None:
     assert len({(one.tick, one.digest) for one in runs}) == 1
     whole = automaton.simulate("tabletop-mini", strategies={"allocation": in_turn})
     assert whole.digest == run.digest != automaton.simulate("tabletop-mini").digest
+
+
+class Watched(automaton.Strategy):
+    """Allocation: keeps a list of ticks outside its state."""
+
+    layer = "allocation"
+
+    def __init__(self, parameters: Any = None, first: int = 0) -> None:
+        super().__init__(parameters)
+        self.ticks = [first]
+
+    def decide(self, view: Any, batch: Any, *_: Any) -> None:
+        self.ticks.append(int(view.clock.tick))
+
+
+def test_names_classes_and_instances_are_strategies_and_runs_copy_instances() -> None:
+    plain = automaton.Simulation("tabletop-mini", strategies={"allocation": FirstCome()})
+    named = automaton.Simulation("tabletop-mini", strategies={"allocation": "first-come"})
+    assert plain.run(100).digest == named.run(100).digest
+    own, other = Watched(first=7), Watched(first=8)
+    runs = [automaton.Simulation("tabletop-mini", strategies={"allocation": own}) for _ in "ab"]
+    more = automaton.Simulation("tabletop-mini", strategies={"allocation": other})
+    for run in (*runs, more):
+        run.step(2)
+    used = [run._run.strategies[LAYER_ALLOCATION] for run in (*runs, more)]
+    assert [one.ticks for one in used] == [[7, 1], [7, 1], [8, 1]] and own.ticks == [7]
+    assert runs[0].branch().step(1).tick == 3
 
 
 def test_a_branch_is_what_the_command_makes(tmp_path: Path, capsys: Any) -> None:

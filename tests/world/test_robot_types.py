@@ -110,6 +110,13 @@ def test_distances_are_in_the_ticks_of_the_robot_that_drives() -> None:
             for a, b in zip(*map(run.resolved.floor_plan.xy, (start, target)), strict=True)
         )
         assert paths.distance(run.view, run.workspace, robot, target) == factor * steps
+    robots, cells = np.arange(2), [run.resolved.floor_plan.cell(x, 2) for x in range(1, 4)]
+    rows = paths.distances(run.view, run.workspace, robots[:, None], cells)
+    assert rows.tolist() == [
+        [paths.distance(run.view, run.workspace, robot, cell) for cell in cells] for robot in (0, 1)
+    ]
+    with pytest.raises(IndexError, match="there is no cell 9000: the last one is"):
+        paths.distances(run.view, run.workspace, robots, 9000)
 
 
 def test_slow_zones_multiply_the_pace() -> None:

@@ -95,6 +95,10 @@ COMMANDS_BY_SUBJECT = {  # {name: (module with add_arguments(parser) and run(arg
             "automaton.commands.check_strategy_command",
             "check a strategy on random floors",
         ),
+        "new-strategy": (
+            "automaton.commands.new_strategy_command",
+            "write a project with a strategy of your own",
+        ),
     },
     "this machine": {
         "compile": (

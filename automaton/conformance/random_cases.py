@@ -103,6 +103,8 @@ def drawn_case(chance: Random, number: int, layer: str) -> Document:
         overlay(chance, rows, kinematics, has_battery)
         layout["picture"] = "\n".join(map("".join, rows))
     robots = CROWD_ROBOTS if is_crowd else chance.randint(1, 12)
+    if layer == "zoning":  # each robot serves a zone with a station
+        robots = chance.randint(1, 3)
     has_bays = bool(rows) and not is_crowd and chance.random() < 0.25
     if has_bays:
         robots = add_bays(chance, layout, robots)

@@ -198,8 +198,8 @@ def tuned_model(args: argparse.Namespace, fits: Any, model: FittedModel) -> Tuni
     show_line("")
     if args.orders is None:
         tuning.doubts.append(
-            "orders are those of the logs, released when a robot takes them, which lengthens lead times of "
-            "the model by a few percent; --orders FILE avoids this"
+            "orders are those of the logs, released when a robot takes them, which lengthens lead times "
+            "of the model by a few percent; --orders FILE avoids this"
         )
     output_tuning.with_numbers(model.settings, data, tuning.tuned)
     for one in tuning.tuned:

@@ -249,7 +249,8 @@ def _fit_operations(
     known = [one.lower() for one in log.actions]
     for name, action in operations.items():
         if action.lower() not in known:
-            others = f"; it has {', '.join(log.actions)}: use --action {name}=..." if known else ""
+            rest = [one for one in known if one not in map(str.lower, operations.values())]
+            others = f"; it has {', '.join(rest)}: use --action {name}=..." if rest else ""
             fitting.unsaid.append(f"durations.{name}: the log has no action {action}{others}")
             continue
         chosen = log.samples.action == known.index(action.lower()) + 1

@@ -273,11 +273,17 @@ def test_a_number_is_tuned_until_days_agree(
 
 
 def test_two_numbers_at_most_are_tuned_and_the_rest_of_their_sections_stays() -> None:
-    data = {"durations": {"pick": 8, "move": {"empty": "1 m/s"}}, "fleet": {"kinematics": "omni"}}
+    data: dict[str, Any] = {
+        "durations": {"pick": 8, "move": {"empty": "1 m/s"}},
+        "fleet": {"kinematics": "omni"},
+    }
+    data["faults"] = {"delays": {"probability": "6/h"}}
     settings: dict[str, Any] = {"durations": {"pick": "7 s"}}
     (speed,) = tuned_numbers(["durations.move.empty"], data)
     with_numbers(settings, data, [TunedValue(speed, 0.5, None)])
     assert settings == {"durations": {"pick": "7 s", "move": {"empty": "0.5 m/s"}}}
+    (rate,) = tuned_numbers(["faults.delays.probability"], data)
+    assert rate.value(1.5) == "9/h"
     for keys, sentence in (
         ("durations.pik", "did you mean 'durations.pick'"),
         ("fleet.kinematics", "is not a number of the scenario"),

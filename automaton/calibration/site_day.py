@@ -384,8 +384,10 @@ def released_when_taken(
     Raises InputError if these are too few.
     """
     orders = len(orders_in(log))
-    if len(complete) < MIN_RECOVERED * max(orders, 1):
-        share = percent(len(complete) / max(orders, 1), 0)
+    if not orders:
+        raise InputError("has no orders")
+    if len(complete) < MIN_RECOVERED * orders:
+        share = percent(len(complete) / orders, 0)
         text = f"shows both ends of only {share} of its orders"
         raise InputError(f"{text}; name the file of orders by --orders")
     longest = np.quantile([ends.done - ends.taken for ends, _ in complete.values()], TAIL_SHARE)
@@ -482,7 +484,7 @@ def ends_of_orders(log: StateLog) -> Iterator[tuple[int, OrderEnds]]:
     rows = np.flatnonzero(samples.order)
     rows = rows[np.lexsort((samples.time[rows], samples.order[rows]))]
     codes, first = np.unique(samples.order[rows], return_index=True)
-    for code, own in zip(codes.tolist(), np.split(rows, first[1:]), strict=True):
+    for code, own in zip(codes.tolist(), np.split(rows, first)[1:], strict=True):
         loaded = own[samples.load[own] > 0]
         if not len(loaded):
             continue

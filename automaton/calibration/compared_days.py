@@ -21,6 +21,7 @@ from automaton.calibration.fleet_trace import (
     measured_run,
 )
 from automaton.calibration.site_day import Resolved, SiteDay
+from automaton.errors import InputError
 from automaton.floor.floor_plan import NIL, FloorPlan
 from automaton.floor.traffic_zones import traffic_zones_of
 from automaton.runs.simulation import Simulation
@@ -102,7 +103,7 @@ def plans_of(days: Sequence[SiteDay]) -> dict[str, DayPlan]:
     entries = np.sum([entries_of(day.trace, cells) for day in days], axis=0)
     busiest = tuple(np.argsort(-entries, kind="stable")[:BUSIEST].tolist())
     stretches = int(stretch_of.max()) + 1
-    return {
+    plans = {
         day.mark: DayPlan(
             day.cells,
             MeasurePlan(
@@ -112,6 +113,9 @@ def plans_of(days: Sequence[SiteDay]) -> dict[str, DayPlan]:
         )
         for day in days
     }
+    if len(plans) < len(days):
+        raise InputError("two logs have one name, and days are known by it; rename one of them")
+    return plans
 
 
 def measured_day(simulation: Simulation, plans: Mapping[str, DayPlan]) -> dict[str, float | int]:

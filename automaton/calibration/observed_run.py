@@ -22,7 +22,7 @@ from automaton.calibration.robot_timelines import (
     absent_robot,
     timeline_of,
 )
-from automaton.calibration.state_log import StateLog, numbers_of_robots
+from automaton.calibration.state_log import ORDER_PAUSE_MS, StateLog, numbers_of_robots
 from automaton.engine.state import NIL, Array
 from automaton.errors import InputError
 from automaton.recording.contents import LAST_TICK
@@ -84,7 +84,7 @@ def write_observed_run(log: StateLog, resolved: Resolved, path: Path) -> Observe
     durations = resolved.scenario.durations
     fleet = ObservedFleet(
         *(track, tick, demand.order, demand.load, Ways(resolved.floor_plan)),
-        *(durations.turns[0], durations.moves, max(ticks, 1)),
+        *(durations.turns[0], durations.moves, max(ticks, 1), ORDER_PAUSE_MS / tick_ms),
     )
     lines = _timelines(fleet, numbers, robots)
     changes = _sorted_changes([line.changes for line in lines])

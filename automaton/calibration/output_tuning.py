@@ -34,7 +34,7 @@ Array = np.ndarray[Any, Any]
 MAX_TUNED: Final = 2
 LOSS_UNITS: Final = np.array([TOLERANCES[name] for name in DECISIVE])
 TUNED_SECTIONS: Final = ("durations", "fleet", "battery", "faults", "floor", "stations", "strategy")
-AMOUNT: Final = re.compile(r"([0-9]+(?:\.[0-9]+)?) ?([a-z%][^ ]*)")
+AMOUNT: Final = re.compile(r"([0-9]+(?:\.[0-9]+)?)( ?[a-z%/][^ ]*)")
 HALF_WIDTHS: Final = (0.8, 0.4, 0.2, 0.1)  # of the grids
 MIN_GRIDS: Final = 2
 GRID_SIZE: Final = {1: 5, 2: 3}  # values of a number, by how many numbers are tuned
@@ -51,7 +51,7 @@ class TunedNumber(NamedTuple):
 
     key: str
     amount: float
-    unit: str  # "" for a plain number
+    unit: str  # with the blank before it; "" for a plain number
     is_whole: bool
 
     @property
@@ -64,9 +64,8 @@ class TunedNumber(NamedTuple):
         if self.is_whole:
             return max(1, round(self.amount * factor))
         amount = float(f"{self.amount * factor:.4g}")
-        return (
-            f"{np.format_float_positional(amount, trim='-')} {self.unit}" if self.unit else amount
-        )
+        text = np.format_float_positional(amount, trim="-")
+        return f"{text}{self.unit}" if self.unit else amount
 
 
 class TunedValue(NamedTuple):

@@ -118,6 +118,7 @@ class ObservedFleet(NamedTuple):
     turn_ticks: int  # of a quarter in the scenario
     move_ticks: tuple[int, int]  # in the scenario, empty and loaded
     ticks: int  # of the run
+    silence: float  # ticks after which a name of an order is that of another one
 
 
 class RobotTimeline(NamedTuple):
@@ -207,6 +208,10 @@ class _Line:
         status = np.where(self.down, np.where(there, STATUS_FAILED, STATUS_TOWED), STATUS_UP)
         self._rows_of_changes(CHANGE_STATUS, status, always)
         self._rows_of_changes(CHANGE_SEEN_ORDER, self.order, always)
+        # An order that a robot has before a long silence, and not after it, ends with the last message.
+        is_last = (self.order != NIL) & (self.order != np.append(self.order[1:], NIL))
+        ends = self.tick[is_last & (self.end - self.tick > self.fleet.silence)]
+        self.changes += [(tick + 1, CHANGE_SEEN_ORDER, NIL) for tick in ends.tolist()]
         known = np.isfinite(self.charge)
         units = np.rint(np.where(known, self.charge, 0).clip(0, 100) * BATTERY_PERCENT)
         self._rows_of_changes(CHANGE_SEEN_CHARGE, units.astype(np.int64), known)

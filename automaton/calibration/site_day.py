@@ -104,18 +104,22 @@ def read_days(site: ComparedSite, path: Path, orders: Path | None) -> list[SiteD
         log = log_of_carries(log) if by_load else log
         notes = log.counts.sentences()
         parts = list(parts_of(log, place, site.ahead))
-        if len(parts) > 1:
+        if len(parts) != 1:
             notes.append(f"divided at midnight into {count(len(parts), 'day')}")
-        days = []
+        days, left_out = [], []
         for part in parts:
-            name = f"{path.stem} {part.date}" if len(parts) > 1 else path.stem
-            days.append(day_of(site, name, part, orders, by_load))
-        days[0] = days[0]._replace(
-            notes=(*(f"{path.name}: {one}" for one in notes), *days[0].notes)
-        )
+            name = f"{path.stem} {part.date}".rstrip()
+            try:
+                days.append(day_of(site, name, part, orders, by_load))
+            except InputError as error:
+                left_out.append(error)
+                notes.append(f"{part.date} is left out: it {error.message}")
+        if not days:
+            raise left_out[0] if left_out else InputError("has no day with messages for an hour")
     except InputError as error:
         raise error.at(str(path)) from None
-    return days
+    of_log = (f"{path.name}: {one}" for one in notes)
+    return [days[0]._replace(notes=(*of_log, *days[0].notes)), *days[1:]]
 
 
 class LoggedDay(NamedTuple):
@@ -254,12 +258,12 @@ def orders_of_file(
 
     Raises InputError.
     """
-    scenario, written = site.base.unrefined.scenario, written_orders(site)
+    scenario = site.base.unrefined.scenario
     file: dict[str, Any] = {"file": str(path.resolve())}
     file |= {"time": site.order_time} if site.order_time else {}
     file |= {"columns": dict(site.order_columns)} if site.order_columns else {}
     form = "lines" if carries_pods(scenario, site.base.floor_plan) else "transports"
-    named = {**options_in(written, form), **file}
+    named = {**file_options(site, form), **file}
     settings = (
         *site.settings,
         clock_setting(site, begin, DAY_S),
@@ -270,8 +274,7 @@ def orders_of_file(
     tick = scenario.units.scale.tick_seconds
     releases = np.array([order.release for order in listed]) - int(DAY_S / tick)
     names = [] if form == "lines" else order_names(named, path)
-    numbers = np.unique(log.samples.order[log.samples.order > 0]) - 1
-    code = {log.orders[number]: number for number in numbers.tolist()}
+    code = {log.orders[number]: number for number in orders_in(log)}
     codes = np.array([code.get(name, NIL) for name in names] or [NIL] * len(listed))
     chosen = np.flatnonzero((releases < ticks) & ((releases >= 0) | (codes != NIL)))
     if not len(chosen):
@@ -284,16 +287,18 @@ def orders_of_file(
     what = "line" if form == "lines" else "order"
     notes = [f"{count(len(chosen), what)} of {path.name}"]
     known = np.flatnonzero(codes[chosen] != NIL)
-    if form == "transports" and len(known) >= MIN_RECOVERED * orders_in(log):
+    if form == "transports" and len(known) >= MIN_RECOVERED * len(code):
         number_of = np.full(len(log.orders) + 1, NIL)
         number_of[codes[chosen[known]]] = known
         return DayOrders({"list": entries}, number_of, release * float(tick), tuple(notes))
-    why = "a trip of a pod is not an order of the file"
-    if form == "transports":
-        why = "the orders of the log are not named in the file"
-    notes.append(f"{why}, so lead times begin when a robot takes the order")
+    whys = {
+        "transports": "the orders of the log are not named in the file",
+        "lines": "a trip of a pod is not an order of the file",
+    }
+    notes.append(f"{whys[form]}, so lead times begin when a robot takes the order")
     section = {"list" if form == "transports" else form: entries}
-    return DayOrders(section, same_numbers(log), np.zeros(0), tuple(notes))
+    same_numbers = np.append(np.arange(len(log.orders)), NIL)  # the last: without an order
+    return DayOrders(section, same_numbers, np.zeros(0), tuple(notes))
 
 
 def entry_of(order: Any, release: int) -> dict[str, Any]:
@@ -306,22 +311,12 @@ def entry_of(order: Any, release: int) -> dict[str, Any]:
     }
 
 
-def written_orders(site: ComparedSite) -> Mapping[str, Any]:
-    """The section `orders` as the scenario has it, before its files were read."""
+def file_options(site: ComparedSite, form: str) -> Mapping[str, Any]:
+    """How the scenario reads the file in a section of orders; {} if the section names no file."""
     data, _ = parse(site.base.source, None)
-    orders: Mapping[str, Any] = override(Document(data), site.settings).data.get("orders") or {}
-    return orders
-
-
-def options_in(orders: Mapping[str, Any], key: str) -> Mapping[str, Any]:
-    """How the file in a section of orders is read; {} if the section names no file."""
-    section = orders.get(key)
+    orders = override(Document(data), site.settings).data.get("orders") or {}
+    section = orders.get(form)
     return section if isinstance(section, dict) and "file" in section else {}
-
-
-def same_numbers(log: StateLog) -> Array:
-    """The numbers of the orders of a log as they are; the last entry is that of no order."""
-    return np.append(np.arange(len(log.orders)), NIL)
 
 
 def order_names(transports: Mapping[str, Any], path: Path) -> list[str]:
@@ -388,9 +383,11 @@ def released_when_taken(
 
     Raises InputError if these are too few.
     """
-    orders = orders_in(log)
-    if len(complete) < MIN_RECOVERED * max(orders, 1):
-        share = percent(len(complete) / max(orders, 1), 0)
+    orders = len(orders_in(log))
+    if not orders:
+        raise InputError("has no orders")
+    if len(complete) < MIN_RECOVERED * orders:
+        share = percent(len(complete) / orders, 0)
         text = f"shows both ends of only {share} of its orders"
         raise InputError(f"{text}; name the file of orders by --orders")
     longest = np.quantile([ends.done - ends.taken for ends, _ in complete.values()], TAIL_SHARE)
@@ -412,9 +409,10 @@ def released_when_taken(
     return DayOrders({form: entries}, number_of, np.zeros(0), tuple(notes))
 
 
-def orders_in(log: StateLog) -> int:
-    """How many orders the messages of a log name."""
-    return len(np.unique(log.samples.order[log.samples.order > 0]))
+def orders_in(log: StateLog) -> list[int]:
+    """The numbers of the orders that the messages of a log name."""
+    numbers: list[int] = (np.unique(log.samples.order[log.samples.order > 0]) - 1).tolist()
+    return numbers
 
 
 def recovered_lines(
@@ -424,11 +422,8 @@ def recovered_lines(
 
     Raises InputError for too few.
     """
-    pods, visits = (
-        pods_of_loads(log, place, site.base.unrefined),
-        StationVisits(log, place, site.base),
-    )
-    complete = {}
+    base, complete = site.base.unrefined, {}
+    pods, visits = pods_of_loads(log, place, base), StationVisits(log, place, base)
     for code, ends in ends_of_orders(log):
         pod = pods.get(int(log.samples.load[ends.pick + 1]))
         stations = visits.of(ends)
@@ -489,16 +484,15 @@ def ends_of_orders(log: StateLog) -> Iterator[tuple[int, OrderEnds]]:
     rows = np.flatnonzero(samples.order)
     rows = rows[np.lexsort((samples.time[rows], samples.order[rows]))]
     codes, first = np.unique(samples.order[rows], return_index=True)
-    for code, own in zip(codes.tolist(), np.split(rows, first[1:]), strict=True):
+    for code, own in zip(codes.tolist(), np.split(rows, first)[1:], strict=True):
         loaded = own[samples.load[own] > 0]
         if not len(loaded):
             continue
         pick, drop = int(loaded[0]) - 1, int(loaded[-1])
         if pick >= 0 and drop + 1 < len(samples.time):
             robot = samples.robot[[pick, pick + 1, drop, drop + 1]]
-            if (
-                robot[0] == robot[1] and robot[2] == robot[3]
-            ):  # else it crosses the start or the end
+            # Else it crosses the start or the end.
+            if robot[0] == robot[1] and robot[2] == robot[3]:
                 times = int(samples.time[own[0]]), int(samples.time[drop + 1])
                 yield code - 1, OrderEnds(*times, pick, drop)
 

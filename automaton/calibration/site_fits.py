@@ -12,12 +12,11 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 
-from automaton.calibration import battery_fits, duration_fits, motion_fits, stop_fits
+from automaton.calibration import battery_fits, duration_fits, motion_fits
 from automaton.calibration.log_on_floor import RobotTracks, placed
 from automaton.calibration.motion_fits import FittedValue as FittedValue
 from automaton.calibration.state_log import StateLog, numbers_of_robots
 from automaton.scenario.robot_types import type_of_each, types_of
-from automaton.scenario.schema import Scenario
 from automaton.units import count
 from automaton.world.resolved import Resolved
 
@@ -38,8 +37,8 @@ OPERATIONS: Final = {"pick": "pick", "drop": "drop", "handling": "serve"}  # act
 class Thresholds(NamedTuple):
     """Guesses: how much slower than usual a slow stretch is, and the shortest delay that counts."""
 
-    slow_share: float = stop_fits.SLOW_SHARE
-    shortest_delay_s: float = stop_fits.SHORTEST_DELAY_S
+    slow_share: float = motion_fits.SLOW_SHARE
+    shortest_delay_s: float = motion_fits.SHORTEST_DELAY_S
 
 
 USUAL_THRESHOLDS: Final = Thresholds()
@@ -66,11 +65,11 @@ class SiteFits(NamedTuple):
     unsaid: list[str]
     notes: list[str]
     operations: dict[str, duration_fits.DurationFit]  # pick, drop, handling; keys of types
-    delays: stop_fits.DelayFit | None
+    delays: motion_fits.DelayFit | None
     repair: duration_fits.DurationFit | None
     towed: bool
     charging: tuple[tuple[float, float], ...]  # from percent, percent per second
-    slow: list[stop_fits.SlowStretch]
+    slow: list[motion_fits.SlowStretch]
 
     @property
     def extent(self) -> str:
@@ -82,7 +81,8 @@ class SiteFits(NamedTuple):
 class Fitting:
     """Collects estimates and what cannot be said."""
 
-    def __init__(self, track: RobotTracks, scenario: Scenario, thresholds: Thresholds) -> None:
+    def __init__(self, track: RobotTracks, resolved: Resolved, thresholds: Thresholds) -> None:
+        scenario = resolved.scenario
         self.track, self.log = track, track.log
         self.thresholds = thresholds
         self.durations, self.types = scenario.durations, types_of(scenario)
@@ -159,13 +159,12 @@ def fit_site(
     thresholds: Thresholds = USUAL_THRESHOLDS,
 ) -> SiteFits:
     """Fit a log; `operations`: action types by pick, drop and handling. Raises InputError."""
-    scenario = resolved.scenario
-    track = placed(log, resolved.floor_plan, scenario.units)
-    fitting = Fitting(track, scenario, thresholds)
+    track = placed(log, resolved.floor_plan, resolved.scenario.units)
+    fitting = Fitting(track, resolved, thresholds)
     _fit_speeds(fitting)
     turns = _fit_turns(fitting)
     durations = _fit_operations(fitting, operations)
-    slow = stop_fits.slow_stretches(track, fitting.usual, fitting.metres, thresholds.slow_share)
+    slow = motion_fits.slow_stretches(track, fitting.usual, fitting.metres, thresholds.slow_share)
     delays = _fit_delays(fitting)
     repair, towed = _fit_breakdowns(fitting)
     charging = _fit_battery(fitting, turns)
@@ -250,7 +249,8 @@ def _fit_operations(
     known = [one.lower() for one in log.actions]
     for name, action in operations.items():
         if action.lower() not in known:
-            others = f"; it has {', '.join(log.actions)}: use --action {name}=..." if known else ""
+            rest = [one for one in known if one not in map(str.lower, operations.values())]
+            others = f"; it has {', '.join(rest)}: use --action {name}=..." if rest else ""
             fitting.unsaid.append(f"durations.{name}: the log has no action {action}{others}")
             continue
         chosen = log.samples.action == known.index(action.lower()) + 1
@@ -291,11 +291,11 @@ def family_words(fit: duration_fits.DurationFit) -> str:
     return f"{fit.family}{spread.get(fit.family, '')}{misfit}"
 
 
-def _fit_delays(fitting: Fitting) -> stop_fits.DelayFit | None:
+def _fit_delays(fitting: Fitting) -> motion_fits.DelayFit | None:
     order = fitting.log.samples.order
     order = order if order.any() else np.ones_like(order)
     error, shortest = duration_fits.stamp_error(fitting.gaps), fitting.thresholds.shortest_delay_s
-    fit = stop_fits.fit_delays(fitting.track, order, fitting.usual, error, shortest)
+    fit = motion_fits.fit_delays(fitting.track, order, fitting.usual, error, shortest)
     key = "faults.delays"
     if not fitting.has_enough(key, fit.rate.n, MIN_DELAYS, "delay") or fit.length is None:
         return None
@@ -310,7 +310,7 @@ def _fit_delays(fitting: Fitting) -> stop_fits.DelayFit | None:
 
 def _fit_breakdowns(fitting: Fitting) -> tuple[duration_fits.DurationFit | None, bool]:
     gaps = duration_fits.gap_quantiles(fitting.gaps), duration_fits.stamp_error(fitting.gaps)
-    breakdowns = stop_fits.fit_breakdowns(fitting.track, *gaps)
+    breakdowns = motion_fits.fit_breakdowns(fitting.track, *gaps)
     rate = breakdowns.rate
     low, high = (HOUR * one for one in (rate.low, rate.high))
     bounds = f"{1 / high:,.3g} to {1 / low:,.3g} h" if low else f"above {1 / high:,.3g} h"

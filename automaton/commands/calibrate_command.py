@@ -141,7 +141,7 @@ def run(args: argparse.Namespace) -> int:
     model = fitted_model(args, fits, demand)
     tuning = tuned_model(args, fits, model) if args.tune else None
     text = settings_text(model.settings, fits, ", ".join(map(str, args.logs)))
-    text = text if tuning is None else f"# Tuned: {model.remarks[-1]}.\n{text}"
+    text = text if tuning is None else f"# Note: {model.remarks[-1]}.\n{text}"
     with atomic_writer(args.out) as file:
         file.write(text.encode())
     note(f"wrote {args.out}; use it with --set @{args.out}")
@@ -208,7 +208,7 @@ def tuned_model(args: argparse.Namespace, fits: Any, model: FittedModel) -> Tuni
         if one.ends is not None:
             fits.estimates[one.number.key] = estimate_of(one, one.ends, present, len(days))
     changes = " and ".join(output_tuning.change_words(one) for one in tuning.tuned)
-    model.remarks.append(f"{changes}, by outputs of these days; `compare` needs other days")
+    model.remarks.append(f"outputs were tuned: {changes}; `compare` needs other days")
     return tuning
 
 
@@ -221,7 +221,7 @@ def estimate_of(
     number = one.number
     value = FittedValue(one.factor, *ends, days).scaled(number.amount)
     observed = count(days, "day")
-    return Estimate(number.key, number.unit, present, value, observed, "tuned by outputs")
+    return Estimate(number.key, number.unit.strip(), present, value, observed, "tuned by outputs")
 
 
 def demand_of_site(args: argparse.Namespace, log: Any, base: Resolved) -> WeeklyDemand | None:

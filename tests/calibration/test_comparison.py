@@ -13,7 +13,7 @@ import pytest
 from automaton.calibration import agreement as judged
 from automaton.calibration import output_tuning
 from automaton.calibration.agreement import DayResult, agreement, combined, days_needed, holm
-from automaton.calibration.compared_days import place_robots
+from automaton.calibration.compared_days import place_robots, plans_of
 from automaton.calibration.fleet_trace import (
     FleetTrace,
     MeasurePlan,
@@ -194,7 +194,8 @@ def test_trips_of_pods_become_a_line_for_each_visit(tmp_path: Path) -> None:
     assert main([*command, *(f"--set={one}" for one in settings)]) == 0
     assert main(["export", str(recording), "--vda5050", str(log), "--every", "2s"]) == 0
     base = resolve(scenario, settings)
-    day = read_day(ComparedSite(scenario, tuple(settings), None, base, {}, None, None), log, None)
+    site = ComparedSite(scenario, tuple(settings), None, base, {}, None, None)
+    day = read_day(site, log, None)
     lines = listed_lines(day.resolved.scenario.orders)
     simulation = Simulation(base)
     simulation.run(1500)
@@ -204,6 +205,14 @@ def test_trips_of_pods_become_a_line_for_each_visit(tmp_path: Path) -> None:
     assert len(lines) > 10 and (recovered - Counter(done.tolist())).total() == 0
     assert {line.station for line in lines} == {1}
     assert day.trace.order.max() == len(lines) - 1
+    orders = tmp_path / "lines.csv"
+    rows = [f"2026-03-0{day} 06:0{day},{day},1,{day},7" for day in (1, 2, 3)]
+    orders.write_text("\n".join(["released,pod,station,order,units", *rows]))
+    (of_file,) = read_days(site, log, orders)
+    (line,) = listed_lines(of_file.resolved.scenario.orders)
+    assert (line.release, line.pod, line.order, line.units) == (120, 2, "2", 7)
+    with pytest.raises(InputError, match="two logs have one name"):
+        plans_of([day, of_file])
 
 
 def test_a_log_of_several_days_is_divided_at_midnight_of_the_site(folder: Path) -> None:
@@ -264,11 +273,17 @@ def test_a_number_is_tuned_until_days_agree(
 
 
 def test_two_numbers_at_most_are_tuned_and_the_rest_of_their_sections_stays() -> None:
-    data = {"durations": {"pick": 8, "move": {"empty": "1 m/s"}}, "fleet": {"kinematics": "omni"}}
+    data: dict[str, Any] = {
+        "durations": {"pick": 8, "move": {"empty": "1 m/s"}},
+        "fleet": {"kinematics": "omni"},
+    }
+    data["faults"] = {"delays": {"probability": "6/h"}}
     settings: dict[str, Any] = {"durations": {"pick": "7 s"}}
     (speed,) = tuned_numbers(["durations.move.empty"], data)
     with_numbers(settings, data, [TunedValue(speed, 0.5, None)])
     assert settings == {"durations": {"pick": "7 s", "move": {"empty": "0.5 m/s"}}}
+    (rate,) = tuned_numbers(["faults.delays.probability"], data)
+    assert rate.value(1.5) == "9/h"
     for keys, sentence in (
         ("durations.pik", "did you mean 'durations.pick'"),
         ("fleet.kinematics", "is not a number of the scenario"),

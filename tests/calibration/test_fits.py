@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from calibration_trials import coverage, observed
 
-from automaton.calibration import duration_fits, site_fits, stop_fits
+from automaton.calibration import duration_fits, motion_fits, site_fits
 from automaton.calibration.battery_fits import fit_charging
 from automaton.calibration.duration_fits import FAMILIES, DurationFit, fit_durations, fit_family
 from automaton.calibration.fitted_settings import arguments_of, largest_tick, settings_of
@@ -218,9 +218,9 @@ def test_obstructed_drives_do_not_lower_the_speed() -> None:
 
 
 def test_breakdowns_have_an_exact_poisson_interval() -> None:
-    fit = stop_fits.poisson_fit(10, 1000.0)
+    fit = motion_fits.poisson_fit(10, 1000.0)
     assert (fit.low * 1000, fit.high * 1000) == pytest.approx((4.795, 18.39), rel=1e-3)
-    assert stop_fits.poisson_fit(0, 100.0).low == 0
+    assert motion_fits.poisson_fit(0, 100.0).low == 0
 
 
 def test_charging_slows_down_where_the_log_shows_it() -> None:

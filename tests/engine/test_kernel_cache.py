@@ -286,7 +286,6 @@ def test_a_field_of_a_strategys_state_is_declared_in_its_folder_alone(tmp_path: 
     plug_in.write_text(SESSION + COUNTING.format(field=fields, name="times"))
     modules, after = compiled_in_a_run(tmp_path, "right_of_way=counting:Counting")
     assert modules == {"counting"} and after == before
-    assert compiled_in_a_run(tmp_path, "right_of_way=counting:Counting") == (set(), before)
 
 
 def kept_in(cache: Path, temporary: Path) -> tuple[str, str]:

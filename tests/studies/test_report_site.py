@@ -162,7 +162,7 @@ scenario: [depots, factory-types]
 points:
   - {name: as it is}
   - {name: fine, set: {refine: 2}}
-replications: 2
+replications: 1
 """
     file = tmp_path / "a.html"
     assert report(capsys, str(swept(tmp_path, both)), "--out", str(file))[0] == 0

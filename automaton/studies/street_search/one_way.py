@@ -21,11 +21,12 @@ from numpy.typing import NDArray
 
 from automaton.floor.floor_plan import STORAGE, FloorPlan
 from automaton.floor.reachability import has_storage, reached_along, to_and_from
+from automaton.scenario.changing_floor import Lift
 from automaton.scenario.robot_types import RobotType, floor_by_type, rows_of
 from automaton.studies.street_search.designs import StreetDesign, Stretch, stretches
 from automaton.studies.street_search.reasons import Change, ComparedRuns, edges_of, move_ratio
 from automaton.world.floor_parts import places_of, queue_path
-from automaton.world.gate_cells import GATE_LIFT, cells_of, gates_of
+from automaton.world.gate_cells import cells_of, gates_of
 from automaton.world.resolved import Resolved
 
 CLOSING_RATIO: Final = 4.0
@@ -60,7 +61,7 @@ class NeededWays:
             cells += queue_path(floor_plan, station.at, station.queue)
             for ahead, cell in itertools.pairwise(cells):
                 self.moves[cell, floor_plan.offsets.index(ahead - cell)] = True
-        for lift in (gate for gate in gates_of(scenario.floor) if gate.kind == GATE_LIFT):
+        for lift in (gate for gate in gates_of(scenario.floor) if isinstance(gate.section, Lift)):
             shaft = np.array(cells_of(lift, floor_plan))  # robots come out at any of its mouths
             for direction, offset in enumerate(floor_plan.offsets):
                 self.moves[shaft, direction] = self.moves[shaft - offset, direction] = True

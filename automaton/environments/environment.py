@@ -42,8 +42,9 @@ from automaton.units import memory
 from automaton.world.resolve import resolve
 
 STEPPINGS: Final = ("tick", "decision")
-AUTORESETS: Final = ("next_step", "disabled")
+AUTORESETS: Final = ("next_step", "same_step", "disabled")
 MAX_RADIUS: Final = 15
+SHOWN: Final = ("observations", "features")
 MAX_ACTION: Final = 127  # in a log; higher ones are not allowed either
 Settings = Sequence[str]
 
@@ -57,9 +58,10 @@ class Environment:
     the window around each robot, in cells; None: no windows. `channels`: what a window shows;
     `features`: whether there are features, too. `reward`: weights of components. `stepping`: a step
     is a "tick", or lasts until a robot has a "decision" to make. `max_ticks`: ticks after which an
-    episode is truncated, by default the scenario's `stop.max_duration`. `autoreset`: "next_step" or
-    "disabled". `threads`: that step the worlds. `buffers`: arrays by name that the environment fills,
-    instead of its own. With `log` each episode can be saved as a recording. Raises InputError.
+    episode is truncated, by default the scenario's `stop.max_duration`. `autoreset`: "next_step",
+    "same_step" or "disabled". `threads`: that step the worlds. `buffers`: arrays by name that the
+    environment fills, instead of its own. With `log` each episode can be saved as a recording. Raises
+    InputError.
 
         env = Environment("tabletop-mini", worlds=4, max_ticks=200)
         env.reset(seed=1)
@@ -93,6 +95,10 @@ class Environment:
         for channel in channels:
             check_name("channel", channel, CHANNELS)
         weights = weights_of({"delivered": 1.0} if reward is None else reward)
+        if log and autoreset == "same_step":
+            raise InputError(
+                "log=True needs autoreset next_step or disabled: same_step forgets episodes"
+            )
         check_number("worlds", worlds, 1, None)
         check_number("threads", threads, 1, worlds)
         self.worlds, self.autoreset, self.drive = worlds, autoreset, drive
@@ -120,7 +126,7 @@ class Environment:
         self._pool = ThreadPoolExecutor(threads - 1) if threads > 1 else None
         self._seed = int(self._resolved.scenario.seed)
         self._episodes = np.full(worlds, NIL, np.int64)
-        self._is_closed = False
+        self._is_closed = self._is_reset = False
 
     # What it is made of.
 
@@ -144,6 +150,9 @@ class Environment:
             shapes["observations"] = (*each, len(self.channels), side, side), "uint8"
         if features:
             shapes["features"] = (*each, FEATURE_COUNT), "float32"
+        if self.autoreset == "same_step":
+            views = {name: one for name, one in shapes.items() if name in SHOWN}
+            shapes |= {f"final_{name}": one for name, one in views.items()}
         return shapes
 
     def _check_memory(self, features: bool, taken: Mapping[str, Any]) -> None:
@@ -183,6 +192,8 @@ class Environment:
         )
         self.observations: Array | None = arrays.get("observations")
         self.features: Array | None = arrays.get("features")
+        self.final_observations: Array | None = arrays.get("final_observations")
+        self.final_features: Array | None = arrays.get("final_features")
         each = self.worlds, self.robots
         flat = {name: arrays.get(name) for name in StepBuffers._fields}
         windows = flat["observations"]
@@ -231,20 +242,23 @@ class Environment:
         `options["seeds"]`, uint64 (W,), names the seeds of the episodes. Other options are ignored.
         """
         self._check_open()
-        mask = np.ones(self.worlds, bool)
-        seeds = None
-        if options is not None and "reset_mask" in options:
-            mask = checked_buffer("reset_mask", options["reset_mask"], (self.worlds,), "bool")
-        if options is not None and "seeds" in options:
-            seeds = checked_buffer("seeds", options["seeds"], (self.worlds,), "uint64")
+        options = options or {}
+        mask = checked_option("reset_mask", options, self.worlds, "bool")
+        mask = np.ones(self.worlds, bool) if mask is None else mask
+        seeds = checked_option("seeds", options, self.worlds, "uint64")
         if seed is not None:
             check_number("seed", seed, 0, None)
             self._seed = seed
             self._episodes[mask] = NIL
         self._begin(np.flatnonzero(mask), seeds)
-        for w in np.flatnonzero(mask).tolist():
-            self._drive(self._address, self._space_addresses[0], w, w + 1)
+        self._show(np.flatnonzero(mask))
+        self._is_reset = True
         self._after_step()
+
+    def _show(self, numbers: Array) -> None:
+        """Bring worlds that begin to the first decisions of their robots."""
+        for w in numbers.tolist():
+            self._drive(self._address, self._space_addresses[self._run_of(w)], w, w + 1)
 
     def _begin(self, numbers: Array, seeds: Array | None = None) -> None:
         """Bring worlds to the beginning of their next episodes."""
@@ -294,7 +308,7 @@ class Environment:
         before the first `reset`, and if the distance tables of a tick do not fit.
         """
         self._check_open()
-        if self._worlds[0] is None:
+        if not self._is_reset:
             raise InputError("call reset() before step()")
         if actions is not None:
             self._take(actions)
@@ -313,6 +327,25 @@ class Environment:
             for other in others:
                 other.result()
         self._after_step()
+        if self.autoreset == "same_step":
+            self._begin_at_once(np.flatnonzero(self._state == STATE_ENDED))
+
+    def _begin_at_once(self, numbers: Array) -> None:
+        """Begin the next episodes in the step that ended the last ones, whose rewards and flags stay."""
+        if not len(numbers):
+            return
+        for final, shown in (
+            (self.final_observations, self.observations),
+            (self.final_features, self.features),
+        ):
+            if final is not None and shown is not None:
+                final[numbers] = shown[numbers]
+        arrays = self.rewards, self.terminations, self.truncations
+        values = [array[numbers] for array in arrays]
+        self._begin(numbers)
+        self._show(numbers)
+        for array, value in zip(arrays, values, strict=True):
+            array[numbers] = value
 
     def _take(self, actions: Any) -> None:
         array = np.asarray(actions)
@@ -321,7 +354,7 @@ class Environment:
                 f"actions are integers of the shape {self.actions.shape}; found {array.dtype} "
                 f"{array.shape}"
             )
-        np.copyto(self.actions, array, casting="unsafe")
+        np.copyto(self.actions, np.clip(array, -1, MAX_ACTION), casting="unsafe")
 
     def _after_step(self) -> None:
         if self._logs is not None:
@@ -429,6 +462,8 @@ def check_sight(rules: Any, channels: Sequence[str], radius: int | None) -> None
         )
     if "goals" in channels:
         raise InputError("the channel goals shows all robots: it needs information: everything")
+    if rules.own_zones and "orders" in channels:
+        raise InputError("the channel orders shows all orders: it needs information.orders: all")
 
 
 def action_count(world: SteppedWorld, drive: str) -> int:
@@ -441,6 +476,17 @@ def cut(worlds: int, threads: int) -> list[tuple[int, int]]:
     """The first and the last world, not included, of each thread."""
     ends = [worlds * k // threads for k in range(threads + 1)]
     return list(pairwise(ends))
+
+
+def checked_option(name: str, options: Mapping[str, Any], worlds: int, dtype: str) -> Array | None:
+    """An option of a reset, one value for each world; None if it is left out. Raises InputError."""
+    if name not in options:
+        return None
+    array = np.asarray(options[name])
+    if array.shape != (worlds,) or array.dtype != np.dtype(dtype):
+        wanted = f"an array of {dtype}, shape {(worlds,)}"
+        raise InputError(f"{name} is {wanted}; found {array.dtype}, shape {array.shape}")
+    return array
 
 
 def checked_buffer(name: str, array: Any, shape: tuple[int, ...], dtype: str) -> Array:

@@ -428,9 +428,15 @@ def step_worlds(address, workspace_address, first, last):
         step_world(stepper, workspace, w)
 
 
+def step_in_python(*addresses):
+    """The same without the compiler, where NumPy would warn of hashes that wrap."""
+    with np.errstate(over="ignore"):
+        step_worlds(*addresses)
+
+
 @cache
 def compiled_driver():
     """The driver; compiled or loaded once per process."""
     if not jit_is_on():
-        return step_worlds
+        return step_in_python
     return kernel(step_worlds, signature=types.void(*[types.int64] * 4))

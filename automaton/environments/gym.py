@@ -10,7 +10,7 @@ Importing this needs gymnasium (extra `environments`).
 
 from __future__ import annotations
 
-from typing import Any, ClassVar, Final
+from typing import Any, Final
 
 import numpy as np
 
@@ -32,7 +32,7 @@ GRANULARITIES: Final = ("robot", "world")
 BINARY: Final = frozenset(("walls", "robots", "loads", "pods", "goal"))  # channels of 0 and 1
 
 
-class FleetVectorEnv(VectorEnv):  # type: ignore[type-arg]
+class FleetVectorEnv(VectorEnv):  # type: ignore[misc]
     """Worlds of one scenario as a vector environment of gymnasium.
 
     `per`: with "robot" each robot of each world is an environment, with "world" each world, whose
@@ -45,7 +45,7 @@ class FleetVectorEnv(VectorEnv):  # type: ignore[type-arg]
         envs.step(infos["action_mask"].argmax(axis=1))
     """
 
-    metadata: ClassVar[dict[str, Any]] = {
+    metadata: dict[str, Any] = {  # noqa: RUF012 - declared as an attribute of instances
         "render_modes": ["ansi"],
         "autoreset_mode": AutoresetMode.NEXT_STEP,
     }
@@ -111,7 +111,7 @@ class FleetVectorEnv(VectorEnv):  # type: ignore[type-arg]
             self._infos(),
         )
 
-    def render(self) -> tuple[str, ...] | None:  # type: ignore[override]
+    def render(self) -> tuple[str, ...] | None:
         """The picture of each world, with render_mode="ansi"."""
         if self.render_mode is None:
             return None

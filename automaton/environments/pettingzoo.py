@@ -13,10 +13,11 @@ from __future__ import annotations
 from typing import Any, ClassVar, Final
 
 from automaton.environments.environment import Environment, check_name
-from automaton.environments.gym import check_render_mode, observation_space, spaces
+from automaton.environments.gym import check_render_mode, observation_space
 from automaton.errors import InputError, nearest
 
 try:
+    from gymnasium import spaces
     from pettingzoo import ParallelEnv
 except ImportError as error:
     raise InputError(
@@ -27,7 +28,7 @@ MASK_PLACES: Final = ("observation", "info")
 Dicts = tuple[dict[str, Any], dict[str, Any], dict[str, Any], dict[str, Any], dict[str, Any]]
 
 
-class FleetParallelEnv(ParallelEnv):  # type: ignore[type-arg]
+class FleetParallelEnv(ParallelEnv):  # type: ignore[misc]
     """One world of a scenario as a parallel environment; agents are `robot_0` to `robot_{N-1}`.
 
     `mask_in`: with "observation" an agent sees {"observation", "action_mask"}; with "info" the mask is

@@ -26,13 +26,13 @@ from automaton.environments.external import text_of_actions
 from automaton.runs.simulation import Simulation
 from automaton.scenario.schema import Fleet, Orders, Scenario, Stop, Strategies
 
-WORLDS, ROBOTS, EPISODE = 16, 64, 256
-SAMPLE_S: Final = 0.5
+STEPPED_WORLDS, STEPPED_ROBOTS, EPISODE_TICKS = 16, 64, 256
+STEPPING_S: Final = 0.5
 NS_PER_STEP: Final = "ns per robot and step"
-PERCENT: Final = "% of an episode"
-TIMES: Final = "times"
-LOOP_TICKS: Final = 4 * EPISODE  # of a run, whose set-up is not measured
-VIEWS: Final[dict[str, dict[str, Any]]] = {
+PERCENT_OF_EPISODE: Final = "% of an episode"
+TIMES_FASTER: Final = "times"
+LOOP_TICKS: Final = 4 * EPISODE_TICKS  # of a run, whose set-up is not measured
+STEPPED_VIEWS: Final[dict[str, dict[str, Any]]] = {
     "5 x 5 x 3 window": {},
     "11 x 11 x 3 window": {"radius": 5},
     "5 x 5 x 3 window and features": {"features": True},
@@ -40,7 +40,7 @@ VIEWS: Final[dict[str, dict[str, Any]]] = {
 # Each reads a line, steps for a while, and prints ns of CPU time per robot and step.
 PEER_LOOP: Final = """
 import sys, time
-actions = np.random.default_rng(1).integers(0, 5, (EPISODE, ROBOTS))
+actions = np.random.default_rng(1).integers(0, 5, (TICKS, ROBOTS))
 for line in sys.stdin:
     steps, begun = 0, time.process_time_ns()
     while time.process_time_ns() - begun < SAMPLE_NS:
@@ -50,7 +50,7 @@ for line in sys.stdin:
         steps += len(actions)
     print((time.process_time_ns() - begun) / (steps * ROBOTS), flush=True)
 """
-PEERS: Final = {
+PEER_SIMULATORS: Final = {
     "POGEMA": """
 import numpy as np
 from pogema import GridConfig, pogema_v0
@@ -71,11 +71,11 @@ env = Warehouse(
 
 def scenario() -> Scenario:
     """The scenario of all measurements."""
-    tours = {"generator": "tours", "count": 8 * ROBOTS, "stops": 1, "assign": "round-robin"}
+    tours = {"generator": "tours", "count": 8 * STEPPED_ROBOTS, "stops": 1, "assign": "round-robin"}
     return Scenario(
         name="bench",
         layout={"generator": "random", "columns": 32, "rows": 32, "obstacles": 0.3},
-        fleet=Fleet(robots=ROBOTS, kinematics="omni", start="random"),
+        fleet=Fleet(robots=STEPPED_ROBOTS, kinematics="omni", start="random"),
         orders=msgspec.convert(tours, Orders),
         strategy=Strategies(allocation="greedy"),
         stop=Stop(when="never", max_duration=1_000_000),
@@ -86,35 +86,39 @@ def measurements() -> list[Measurement]:
     """Steps with each view, the loop alone, resets and threads."""
     steps = [
         Measurement(f"environment, {name}", NS_PER_STEP, partial(prepare_steps, options))
-        for name, options in VIEWS.items()
+        for name, options in STEPPED_VIEWS.items()
     ]
     return [
         Measurement("the loop alone, equal robots", NS_PER_STEP, prepare_loop),
         *steps,
         Measurement("environment, beyond the loop alone", NS_PER_STEP, prepare_difference),
-        Measurement("environment, resets", PERCENT, prepare_resets),
-        Measurement("environment, two threads faster than one", TIMES, prepare_threads),
+        Measurement("environment, resets", PERCENT_OF_EPISODE, prepare_resets),
+        Measurement("environment, two threads faster than one", TIMES_FASTER, prepare_threads),
     ]
 
 
 def peer_measurements(python: str) -> list[Measurement]:
     """Other simulators, and how many times faster an environment is, in turns with them."""
-    found: list[Measurement] = []
-    for name in PEERS:
-        found += [
+    listed: list[Measurement] = []
+    for name in PEER_SIMULATORS:
+        listed += [
             Measurement(name, NS_PER_STEP, partial(prepare_peer, python, name)),
             Measurement(
-                f"environment faster than {name}", TIMES, partial(prepare_ratio, python, name)
+                f"environment faster than {name}",
+                TIMES_FASTER,
+                partial(prepare_ratio, python, name),
             ),
         ]
-    return found
+    return listed
 
 
 def made(threads: int = 1, **options: Any) -> tuple[Environment, Callable[[], None]]:
     """An environment, and a function that steps an episode, with its reset."""
-    env = Environment(scenario(), WORLDS, max_ticks=EPISODE - 1, threads=threads, **options)
+    env = Environment(
+        scenario(), STEPPED_WORLDS, max_ticks=EPISODE_TICKS - 1, threads=threads, **options
+    )
     draws = np.random.default_rng(1)
-    actions = draws.integers(0, 5, (EPISODE, WORLDS, ROBOTS), dtype=np.int32)
+    actions = draws.integers(0, 5, (EPISODE_TICKS, STEPPED_WORLDS, STEPPED_ROBOTS), dtype=np.int32)
     env.reset(seed=1)
 
     def episode() -> None:
@@ -128,9 +132,9 @@ def made(threads: int = 1, **options: Any) -> tuple[Environment, Callable[[], No
 def per_step(episode: Callable[[], None]) -> float:
     """ns of CPU time per robot and step, over a while."""
     seconds, steps = 0.0, 0
-    while seconds < SAMPLE_S:
+    while seconds < STEPPING_S:
         seconds += cpu_seconds(episode)
-        steps += EPISODE * WORLDS * ROBOTS
+        steps += EPISODE_TICKS * STEPPED_WORLDS * STEPPED_ROBOTS
     return 1e9 * seconds / steps
 
 
@@ -143,15 +147,15 @@ def prepare_steps(options: dict[str, Any]) -> Sample:
 def prepare_loop() -> Sample:
     """A sampler: ns per robot and tick of runs whose robots do equal actions."""
     draws = np.random.default_rng(1)
-    actions = text_of_actions(draws.integers(0, 5, (LOOP_TICKS + 1, ROBOTS), dtype=np.int8))
+    actions = text_of_actions(draws.integers(0, 5, (LOOP_TICKS + 1, STEPPED_ROBOTS), dtype=np.int8))
     resolved = resolved_for(scenario(), (), "free", actions)
 
     def sample() -> float:
         seconds, runs = 0.0, 0
-        while seconds < SAMPLE_S:
+        while seconds < STEPPING_S:
             seconds += cpu_seconds(partial(Simulation(resolved, runs).run, LOOP_TICKS))
             runs += 1
-        return 1e9 * seconds / (runs * LOOP_TICKS * ROBOTS)
+        return 1e9 * seconds / (runs * LOOP_TICKS * STEPPED_ROBOTS)
 
     return sample
 
@@ -168,7 +172,11 @@ def prepare_resets() -> Sample:
 
     def sample() -> float:
         resets = sum(cpu_seconds(env.reset) for _ in range(8)) / 8
-        return 100 * resets / (1e-9 * per_step(episode) * EPISODE * WORLDS * ROBOTS)
+        return (
+            100
+            * resets
+            / (1e-9 * per_step(episode) * EPISODE_TICKS * STEPPED_WORLDS * STEPPED_ROBOTS)
+        )
 
     return sample
 
@@ -181,10 +189,11 @@ def prepare_threads() -> Sample:
 
 def prepare_peer(python: str, name: str) -> Sample:
     """A sampler: ns per robot and step of another simulator, in a process of its own."""
-    head = f"ROBOTS, EPISODE, SAMPLE_NS = {ROBOTS}, {EPISODE}, {int(1e9 * SAMPLE_S)}\n"
+    values = STEPPED_ROBOTS, EPISODE_TICKS, int(1e9 * STEPPING_S)
+    head = f"ROBOTS, TICKS, SAMPLE_NS = {values}\n"
     try:
         peer = subprocess.Popen(
-            [python, "-c", head + PEERS[name] + PEER_LOOP],
+            [python, "-c", head + PEER_SIMULATORS[name] + PEER_LOOP],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,

@@ -14,7 +14,13 @@ from automaton.engine.random_numbers import STREAM_EPISODES, random_bits_of_each
 from automaton.engine.state import NIL, ORDER_LIST, Array
 from automaton.environments.external import text_of_actions
 from automaton.environments.resets import Copies, Restorer, restored
-from automaton.environments.stepped_worlds import EXTERNAL, Log, SteppedWorld, free_memory
+from automaton.environments.stepped_worlds import (
+    EXTERNAL,
+    ActionLog,
+    SteppedWorld,
+    free_memory,
+    save_episode,
+)
 from automaton.environments.stepping import (
     ADDRESS_COUNT,
     FEATURE_COUNT,
@@ -23,8 +29,8 @@ from automaton.environments.stepping import (
     STATE_NEW,
     STATE_RUNNING,
     STATE_STOPPED,
-    Buffers,
     Course,
+    StepBuffers,
     Stepper,
     compiled_driver,
 )
@@ -36,8 +42,9 @@ from automaton.units import memory
 from automaton.world.resolve import resolve
 
 STEPPINGS: Final = ("tick", "decision")
-AUTORESETS: Final = ("next_step", "disabled")
+AUTORESETS: Final = ("next_step", "same_step", "disabled")
 MAX_RADIUS: Final = 15
+SHOWN: Final = ("observations", "features")
 MAX_ACTION: Final = 127  # in a log; higher ones are not allowed either
 Settings = Sequence[str]
 
@@ -51,9 +58,10 @@ class Environment:
     the window around each robot, in cells; None: no windows. `channels`: what a window shows;
     `features`: whether there are features, too. `reward`: weights of components. `stepping`: a step
     is a "tick", or lasts until a robot has a "decision" to make. `max_ticks`: ticks after which an
-    episode is truncated, by default the scenario's `stop.max_duration`. `autoreset`: "next_step" or
-    "disabled". `threads`: that step the worlds. `buffers`: arrays by name that the environment fills,
-    instead of its own. With `log` each episode can be saved as a recording. Raises InputError.
+    episode is truncated, by default the scenario's `stop.max_duration`. `autoreset`: "next_step",
+    "same_step" or "disabled". `threads`: that step the worlds. `buffers`: arrays by name that the
+    environment fills, instead of its own. With `log` each episode can be saved as a recording. Raises
+    InputError.
 
         env = Environment("tabletop-mini", worlds=4, max_ticks=200)
         env.reset(seed=1)
@@ -87,6 +95,10 @@ class Environment:
         for channel in channels:
             check_name("channel", channel, CHANNELS)
         weights = weights_of({"delivered": 1.0} if reward is None else reward)
+        if log and autoreset == "same_step":
+            raise InputError(
+                "log=True needs autoreset next_step or disabled: same_step forgets episodes"
+            )
         check_number("worlds", worlds, 1, None)
         check_number("threads", threads, 1, worlds)
         self.worlds, self.autoreset, self.drive = worlds, autoreset, drive
@@ -109,12 +121,12 @@ class Environment:
         self._copies: list[Copies | None] = [None] * worlds
         self._restorer = Restorer(self._first)
         self.compiled_reset = self._restorer.draws is not None
-        self._logs = [Log() for _ in range(worlds)] if log else None
+        self._logs = [ActionLog() for _ in range(worlds)] if log else None
         self._make_stepper(weights, stepping == "decision", features)
         self._pool = ThreadPoolExecutor(threads - 1) if threads > 1 else None
         self._seed = int(self._resolved.scenario.seed)
         self._episodes = np.full(worlds, NIL, np.int64)
-        self._is_closed = False
+        self._is_closed = self._is_reset = False
 
     # What it is made of.
 
@@ -138,6 +150,9 @@ class Environment:
             shapes["observations"] = (*each, len(self.channels), side, side), "uint8"
         if features:
             shapes["features"] = (*each, FEATURE_COUNT), "float32"
+        if self.autoreset == "same_step":
+            views = {name: one for name, one in shapes.items() if name in SHOWN}
+            shapes |= {f"final_{name}": one for name, one in views.items()}
         return shapes
 
     def _check_memory(self, features: bool, taken: Mapping[str, Any]) -> None:
@@ -157,13 +172,13 @@ class Environment:
                 f"most {fit:,} worlds fit"
             )
 
-    def _make_buffers(self, features: bool, given: Mapping[str, Any]) -> None:
+    def _make_buffers(self, features: bool, taken: Mapping[str, Any]) -> None:
         shapes = self._shapes(features)
-        for name in given:
+        for name in taken:
             check_name("buffer", name, shapes)
         arrays = {
-            name: checked_buffer(name, given[name], shape, dtype)
-            if name in given
+            name: checked_buffer(name, taken[name], shape, dtype)
+            if name in taken
             else np.zeros(shape, dtype)
             for name, (shape, dtype) in shapes.items()
         }
@@ -177,15 +192,17 @@ class Environment:
         )
         self.observations: Array | None = arrays.get("observations")
         self.features: Array | None = arrays.get("features")
+        self.final_observations: Array | None = arrays.get("final_observations")
+        self.final_features: Array | None = arrays.get("final_features")
         each = self.worlds, self.robots
-        flat = {name: arrays.get(name) for name in Buffers._fields}
+        flat = {name: arrays.get(name) for name in StepBuffers._fields}
         windows = flat["observations"]
         flat["observations"] = (
             np.zeros((*each, 0), np.uint8) if windows is None else windows.reshape((*each, -1))
         )
         if flat["features"] is None:
             flat["features"] = np.zeros((*each, 0), np.float32)
-        self._buffers = Buffers(**flat)
+        self._buffers = StepBuffers(**flat)
 
     def _make_stepper(self, weights: Array, until_acting: bool, features: bool) -> None:
         course = np.zeros(len(Course.meanings), np.int64).view(Course)
@@ -225,20 +242,23 @@ class Environment:
         `options["seeds"]`, uint64 (W,), names the seeds of the episodes. Other options are ignored.
         """
         self._check_open()
-        mask = np.ones(self.worlds, bool)
-        seeds = None
-        if options is not None and "reset_mask" in options:
-            mask = checked_buffer("reset_mask", options["reset_mask"], (self.worlds,), "bool")
-        if options is not None and "seeds" in options:
-            seeds = checked_buffer("seeds", options["seeds"], (self.worlds,), "uint64")
+        options = options or {}
+        mask = checked_option("reset_mask", options, self.worlds, "bool")
+        mask = np.ones(self.worlds, bool) if mask is None else mask
+        seeds = checked_option("seeds", options, self.worlds, "uint64")
         if seed is not None:
             check_number("seed", seed, 0, None)
             self._seed = seed
             self._episodes[mask] = NIL
         self._begin(np.flatnonzero(mask), seeds)
-        for w in np.flatnonzero(mask).tolist():
-            self._drive(self._address, self._space_addresses[0], w, w + 1)
+        self._show(np.flatnonzero(mask))
+        self._is_reset = True
         self._after_step()
+
+    def _show(self, numbers: Array) -> None:
+        """Bring worlds that begin to the first decisions of their robots."""
+        for w in numbers.tolist():
+            self._drive(self._address, self._space_addresses[self._run_of(w)], w, w + 1)
 
     def _begin(self, numbers: Array, seeds: Array | None = None) -> None:
         """Bring worlds to the beginning of their next episodes."""
@@ -273,7 +293,7 @@ class Environment:
         self._state[w] = STATE_NEW
         self.invalid[w] = 0
         if self._logs is not None:
-            self._logs[w] = Log()
+            self._logs[w] = ActionLog()
 
     def _run_of(self, w: int) -> int:
         """The thread that steps a world."""
@@ -288,7 +308,7 @@ class Environment:
         before the first `reset`, and if the distance tables of a tick do not fit.
         """
         self._check_open()
-        if self._worlds[0] is None:
+        if not self._is_reset:
             raise InputError("call reset() before step()")
         if actions is not None:
             self._take(actions)
@@ -307,6 +327,25 @@ class Environment:
             for other in others:
                 other.result()
         self._after_step()
+        if self.autoreset == "same_step":
+            self._begin_at_once(np.flatnonzero(self._state == STATE_ENDED))
+
+    def _begin_at_once(self, numbers: Array) -> None:
+        """Begin the next episodes in the step that ended the last ones, whose rewards and flags stay."""
+        if not len(numbers):
+            return
+        for final, shown in (
+            (self.final_observations, self.observations),
+            (self.final_features, self.features),
+        ):
+            if final is not None and shown is not None:
+                final[numbers] = shown[numbers]
+        arrays = self.rewards, self.terminations, self.truncations
+        values = [array[numbers] for array in arrays]
+        self._begin(numbers)
+        self._show(numbers)
+        for array, value in zip(arrays, values, strict=True):
+            array[numbers] = value
 
     def _take(self, actions: Any) -> None:
         array = np.asarray(actions)
@@ -315,7 +354,7 @@ class Environment:
                 f"actions are integers of the shape {self.actions.shape}; found {array.dtype} "
                 f"{array.shape}"
             )
-        np.copyto(self.actions, array, casting="unsafe")
+        np.copyto(self.actions, np.clip(array, -1, MAX_ACTION), casting="unsafe")
 
     def _after_step(self) -> None:
         if self._logs is not None:
@@ -355,8 +394,6 @@ class Environment:
 
         The environment needs `log=True`. Raises InputError.
         """
-        from automaton.environments.saving import save_episode
-
         world = self._world(w)
         if self._logs is None:
             raise InputError("only an environment made with log=True keeps actions to save")
@@ -364,7 +401,7 @@ class Environment:
         actions = resolved_for(self._scenario, self._settings, self.drive, text_of_actions(rows))
         save_episode(actions, world.seed, self._logs[w].digests, path)
 
-    def _note_actions(self, logs: Sequence[Log]) -> None:
+    def _note_actions(self, logs: Sequence[ActionLog]) -> None:
         """Note the actions that enter in the next step."""
         for w in np.flatnonzero(self._state == STATE_RUNNING).tolist():
             world, log = self._world(w), logs[w]
@@ -391,8 +428,8 @@ def resolved_for(scenario: Any, settings: Settings, drive: str, actions: str = "
 def check_name(kind: str, name: str, known: Iterable[str]) -> None:
     """Raises InputError for an unknown name."""
     if name not in known:
-        found = nearest(str(name), known)
-        raise InputError(f"unknown {kind} {name!r}{found}: allowed are {alternatives(known)}")
+        hint = nearest(str(name), known)
+        raise InputError(f"unknown {kind} {name!r}{hint}: allowed are {alternatives(known)}")
 
 
 def check_number(name: str, value: Any, least: int, most: int | None) -> None:
@@ -425,6 +462,8 @@ def check_sight(rules: Any, channels: Sequence[str], radius: int | None) -> None
         )
     if "goals" in channels:
         raise InputError("the channel goals shows all robots: it needs information: everything")
+    if rules.own_zones and "orders" in channels:
+        raise InputError("the channel orders shows all orders: it needs information.orders: all")
 
 
 def action_count(world: SteppedWorld, drive: str) -> int:
@@ -437,6 +476,17 @@ def cut(worlds: int, threads: int) -> list[tuple[int, int]]:
     """The first and the last world, not included, of each thread."""
     ends = [worlds * k // threads for k in range(threads + 1)]
     return list(pairwise(ends))
+
+
+def checked_option(name: str, options: Mapping[str, Any], worlds: int, dtype: str) -> Array | None:
+    """An option of a reset, one value for each world; None if it is left out. Raises InputError."""
+    if name not in options:
+        return None
+    array = np.asarray(options[name])
+    if array.shape != (worlds,) or array.dtype != np.dtype(dtype):
+        wanted = f"an array of {dtype}, shape {(worlds,)}"
+        raise InputError(f"{name} is {wanted}; found {array.dtype}, shape {array.shape}")
+    return array
 
 
 def checked_buffer(name: str, array: Any, shape: tuple[int, ...], dtype: str) -> Array:

@@ -43,15 +43,15 @@ from automaton.strategy.api import (
 
 U = np.uint64  # unsigned index: spares the test for negative values
 
-FREE: Final = 0  # drive: robots have no routes
-GUIDED: Final = 1
-STAY: Final = 0  # guided: follow the route
-WAIT: Final = 1  # guided only
-ACTS: Final = 256  # besides the bits of allowed actions: its action will count
-NO_ACTION: Final = -1
+DRIVE_FREE: Final = 0  # drive: robots have no routes
+DRIVE_GUIDED: Final = 1
+ACT_STAY: Final = 0  # guided: follow the route
+ACT_WAIT: Final = 1  # guided only
+ACT_COUNTS: Final = 256  # besides the bits of allowed actions: its action will count
+ACT_NONE: Final = -1
 
 
-class Actions(Struct):
+class EnteredActions(Struct):
     """The actions that enter next, n robots."""
 
     drive: int = field("int64", "FREE or GUIDED")
@@ -76,13 +76,13 @@ def is_acting(view, i):
 
 @kernel
 def allowed_actions(view, drive, i):
-    """The allowed actions of robot i, as bits, and ACTS; what other robots do does not matter."""
+    """The allowed actions of robot i, as bits, and ACT_COUNTS; what other robots do does not matter."""
     robots = view.robots
     if not is_acting(view, i):
         return np.int64(1)
-    if drive == GUIDED:
-        return ACTS | (1 if robots.parked[U(i)] else 3 | allowed_moves(view, i) << 2)
-    return ACTS | (3 if robots.cell[U(i)] == NIL else 1 | allowed_moves(view, i) << 1)
+    if drive == DRIVE_GUIDED:
+        return ACT_COUNTS | (1 if robots.parked[U(i)] else 3 | allowed_moves(view, i) << 2)
+    return ACT_COUNTS | (3 if robots.cell[U(i)] == NIL else 1 | allowed_moves(view, i) << 1)
 
 
 @kernel
@@ -102,11 +102,11 @@ def allowed_moves(view, i):
 
 @kernel
 def checked_action(view, drive, i, action):
-    """The action of robot i: 0 if it is not allowed, NO_ACTION if no action counts."""
+    """The action of robot i: 0 if it is not allowed, ACT_NONE if no action counts."""
     allowed = allowed_actions(view, drive, i)
-    if allowed & ACTS == 0:
-        return np.int64(NO_ACTION)
-    return action if 0 <= action < 8 and allowed >> action & 1 else np.int64(STAY)
+    if allowed & ACT_COUNTS == 0:
+        return np.int64(ACT_NONE)
+    return action if 0 <= action < 8 and allowed >> action & 1 else np.int64(ACT_STAY)
 
 
 @kernel
@@ -121,13 +121,13 @@ def enter_actions(view, batch, decisions, drive, actions, are_checked):
         action = np.int64(actions[U(robots.identity[U(i)])])
         if not are_checked:
             action = checked_action(view, drive, i, action)
-        if action == NO_ACTION:
+        if action == ACT_NONE:
             continue
-        if action == STAY:
+        if action == ACT_STAY:
             is_there = robots.cell[U(i)] == robots.goal_cell[U(i)]
-            if drive == FREE and robots.goal_type[U(i)] != GOAL_NONE and not is_there:
+            if drive == DRIVE_FREE and robots.goal_type[U(i)] != GOAL_NONE and not is_there:
                 out.command[U(k)], out.value[U(k)] = CMD_HOLD, NIL
-        elif drive == GUIDED and action == WAIT:
+        elif drive == DRIVE_GUIDED and action == ACT_WAIT:
             out.command[U(k)], out.value[U(k)] = CMD_WAIT, 1
         elif robots.cell[U(i)] == NIL:
             out.command[U(k)], out.value[U(k)] = CMD_GO, 0
@@ -140,7 +140,7 @@ def enter_move(view, out, k, i, drive, move):
     """Decision k: a move or a turn of robot i, numbered from 0."""
     robots = view.robots
     headings, heading = headings_of(view.grid, robots.type[i]), np.int64(robots.heading[i])
-    out.command[k] = CMD_STEP if drive == GUIDED else CMD_GO
+    out.command[k] = CMD_STEP if drive == DRIVE_GUIDED else CMD_GO
     if headings == 1:
         out.value[k] = move
     elif move == 0:
@@ -154,11 +154,11 @@ def enter_move(view, out, k, i, drive, move):
 
 @kernel
 def decide(view, batch, decisions, memory, workspace):
-    state, tick = Actions.of(memory), view.clock.tick
+    state, tick = EnteredActions.of(memory), view.clock.tick
     if state.logged.shape[0]:
         for robot in range(state.actions.shape[0]):
             is_logged = tick < state.logged.shape[0]
-            state.actions[robot] = state.logged[tick, robot] if is_logged else STAY
+            state.actions[robot] = state.logged[tick, robot] if is_logged else ACT_STAY
     enter_actions(view, batch, decisions, state.drive, state.actions, state.are_checked)
 
 
@@ -181,7 +181,7 @@ def actions_of_text(text: str, robots: int) -> Any:
         values = np.frombuffer(zlib.decompress(base64.b85decode(text)), np.int8)
         return values.reshape(-1, robots)
     except (ValueError, zlib.error):
-        raise InputError(f"actions is no log of the actions of {robots} robots") from None
+        raise InputError(f"actions is not a log of the actions of {robots} robots") from None
 
 
 class External(Strategy):
@@ -197,8 +197,8 @@ class External(Strategy):
         """Return the actions of a run: all `stay`, or those of its log."""
         robots, text = len(view.robots.cell), self.parameters.actions
         logged = actions_of_text(text, robots).copy() if text else np.zeros((0, robots), np.int8)
-        drive = FREE if self.steers else GUIDED
-        return Actions.sized({"n": robots}, drive=drive, logged=logged)
+        drive = DRIVE_FREE if self.steers else DRIVE_GUIDED
+        return EnteredActions.sized({"n": robots}, drive=drive, logged=logged)
 
 
 class Guided(External):

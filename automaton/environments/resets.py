@@ -18,7 +18,6 @@ from automaton.engine.jit.struct_types import copy_bytes, struct_at
 from automaton.engine.jit.structs import WORDS_PER_ROW, Array, Struct, field, registered_address
 from automaton.engine.random_numbers import STREAM_ORDERS, STREAM_STARTS, STREAM_VISITS
 from automaton.environments.stepped_worlds import SteppedWorld
-from automaton.scenario.quantities import MAX_STOPS
 from automaton.strategy.api import (
     CONSTANT,
     STATIC,
@@ -29,25 +28,19 @@ from automaton.strategy.api import (
     random_between,
     random_bits,
 )
-from automaton.world.demand import DRAW_STOP
-from automaton.world.floor_parts import service_cells
-from automaton.world.gate_cells import cells_to_start
-from automaton.world.starts import first_headings
-from automaton.world.task_lists import stop_groups
+from automaton.world.demand import DRAW_STOP, MAX_STOPS, tour_cells
+from automaton.world.starts import START_NEVER, first_headings, start_order
 
-PROBES: Final = (3, 2**62 + 11, 77_777, 5, 1_000_003)  # seeds whose worlds are compared
-STARTS: Final = {
+PROBE_SEEDS: Final = (3, 2**62 + 11, 77_777, 5, 1_000_003)  # seeds whose worlds are compared
+START_ARRAYS: Final = {
     *("world.robots.cell", "world.robots.home", "world.traffic.occupancy"),
     *("world.robots.heading", "world.robots.travel"),
 }
-HEADING: Final = "world.robots.heading"
-STOPS: Final = "world.stops.cell"
-POOL: Final = 0  # any robot may do an order
-ROUND_ROBIN: Final = 1  # order k is for robot k mod n
-FIRST: Final = 0  # cells where robots begin
-LAST: Final = 1  # if the others are used up
-NEVER: Final = 2
-KEY_BITS: Final = 31
+HEADING_ARRAY: Final = "world.robots.heading"
+STOPS_ARRAY: Final = "world.stops.cell"
+ASSIGN_POOL: Final = 0  # any robot may do an order
+ASSIGN_ROUND_ROBIN: Final = 1  # order k is for robot k mod n
+DRAW_BITS: Final = 31
 ROOM_BOTH_LANES: Final = 96  # bits of occupancy
 ROOM_ONE_LANE: Final = 32
 
@@ -56,7 +49,7 @@ class Draws(Struct):
     """What a seed draws: n robots, c drivable cells, C cells, g cells of stops in k groups."""
 
     cells: Array = field("(c,) int32", "drivable cells, if starts are drawn")
-    order: Array = field("(c,) uint8", "FIRST, LAST or NEVER")
+    order: Array = field("(c,) uint8", "when robots begin there (automaton.world.starts)")
     keys: Array = field("(c,) int64", "scratch: a heap of draws")
     headings: Array = field("(h,) uint8", "heading of a robot that begins in a cell; h = 0: kept")
     occupancy: Array = field("(C,) uint16", "occupancy without robots")
@@ -100,14 +93,14 @@ def draw_starts(world, draws, seed):
     robots, occupancy, heap = world.robots, world.traffic.occupancy, draws.keys
     size = 0
     for k in range(draws.cells.shape[0]):
-        if draws.order[k] != NEVER:
-            draw = random_between(0, 2**KEY_BITS - 1, seed, STREAM_STARTS, 0, k)
-            push(heap, size, np.int64(draws.order[k]) << 2 * KEY_BITS | draw << KEY_BITS | k)
+        if draws.order[k] != START_NEVER:
+            draw = random_between(0, 2**DRAW_BITS - 1, seed, STREAM_STARTS, 0, k)
+            push(heap, size, np.int64(draws.order[k]) << 2 * DRAW_BITS | draw << DRAW_BITS | k)
             size += 1
     for cell in range(occupancy.shape[0]):
         occupancy[cell] = draws.occupancy[cell]
     for i in range(robots.cell.shape[0]):
-        place = pop(heap, size) & (2**KEY_BITS - 1)
+        place = pop(heap, size) & (2**DRAW_BITS - 1)
         size -= 1
         cell = np.int64(draws.cells[place])
         robots.cell[i] = cell
@@ -132,7 +125,7 @@ def draw_stops(world, draws, seed):
         begin, at = np.int64(orders.first_stop[order]), np.int64(0)
         count = np.int64(orders.first_stop[order + 1]) - begin
         for place in range(count):
-            if draws.assign == POOL:
+            if draws.assign == ASSIGN_POOL:
                 many = draws.stops.shape[0]
                 others = many - 1 if place else many
                 draw = random_between(0, others - 1, seed, STREAM_ORDERS, DRAW_STOP + place, order)
@@ -173,10 +166,11 @@ class Restorer:
         if len(resolved.days) > 1 or resolved.coarse is not None:
             return None
         fresh = [
-            arrays_of(SteppedWorld(resolved, seed, self._template.workspace)) for seed in PROBES
+            arrays_of(SteppedWorld(resolved, seed, self._template.workspace))
+            for seed in PROBE_SEEDS
         ]
         differing = {name for one in fresh for name in one if not is_equal(one, self._arrays, name)}
-        known = STARTS | {STOPS}
+        known = START_ARRAYS | {STOPS_ARRAY}
         if differing - known or any(one.keys() != self._arrays.keys() for one in fresh):
             return None
         draws = draws_for(self._template, differing)
@@ -185,7 +179,7 @@ class Restorer:
         world = SteppedWorld(resolved, 0, self._template.workspace)
         copies = self.copies(world)
         arrays = arrays_of(world)
-        for seed, wanted in zip(PROBES, fresh, strict=True):
+        for seed, wanted in zip(PROBE_SEEDS, fresh, strict=True):
             copies.seed[0] = seed
             restored(world, draws, copies)
             if not all(is_equal(arrays, wanted, name) for name in wanted):
@@ -222,14 +216,14 @@ def arrays_of(one: SteppedWorld) -> dict[str, tuple[Any, Array]]:
     structs = {"world": one.world, "visible": one.visible_world}
     structs |= {f"state {number}": state for number, state in enumerate(one.states)}
     structs |= {f"shown {number}": state for number, state in enumerate(one.parts.behind[0])}
-    found: dict[str, tuple[Any, Array]] = {}
+    arrays: dict[str, tuple[Any, Array]] = {}
     known: set[int] = set()
     for part, struct in structs.items():
         for name, declared, array in struct.arrays():
             if not name.startswith("grid.") and id(array) not in known:
                 known.add(id(array))
-                found[f"{part}.{name}"] = declared, array
-    return found
+                arrays[f"{part}.{name}"] = declared, array
+    return arrays
 
 
 def is_equal(
@@ -247,27 +241,23 @@ def address_of(array: Array) -> int:
 def draws_for(template: SteppedWorld, differing: set[str]) -> Draws | None:
     """The draws behind these arrays; None if kernels do not know the generator."""
     resolved, world = template.resolved, template.world
-    scenario, plan, grid = resolved.scenario, resolved.floor_plan, world.grid
+    scenario, grid = resolved.scenario, world.grid
     cells = np.zeros(0, np.int32)
     order = np.zeros(0, np.uint8)
     headings = np.zeros(0, np.uint8)
-    if differing & STARTS:
+    if differing & START_ARRAYS:
         if resolved.start != "random" or len(resolved.fleet.types) > 1:
             return None
-        cells = np.flatnonzero(plan.drivable).astype(np.int32)
-        open_cells = cells_to_start(scenario, plan, cells)
-        is_open = np.isin(cells, open_cells) & ~resolved.fleet.closed[0][cells]
-        order = np.where(service_cells(scenario, plan)[cells], LAST, FIRST)
-        order = np.where(is_open, order, NEVER).astype(np.uint8)
-        if HEADING in differing:
+        cells, order = start_order(resolved)
+        if HEADING_ARRAY in differing:
             headings = first_headings(grid, np.arange(len(grid.kind)))
     stops, first = np.zeros(0, np.int32), np.zeros(1, np.int64)
     begins = np.zeros(len(grid.kind), np.uint8)
-    if STOPS in differing:
+    if STOPS_ARRAY in differing:
         if scenario.orders.generator != "tours":
             return None
         reachable = world.slots.reachable[: len(resolved.fleet.types)]
-        groups = stop_groups(scenario.orders, plan, reachable)
+        groups = tour_cells(resolved, reachable)
         stops = np.concatenate(groups).astype(np.int32)
         first = np.cumsum([0, *map(len, groups)])
         begins[groups[0]] = 1
@@ -280,5 +270,5 @@ def draws_for(template: SteppedWorld, differing: set[str]) -> Draws | None:
         stops=stops,
         first=first.astype(np.int64),
         begins=begins,
-        assign=ROUND_ROBIN if scenario.orders.assign == "round-robin" else POOL,
+        assign=ASSIGN_ROUND_ROBIN if scenario.orders.assign == "round-robin" else ASSIGN_POOL,
     )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any, Final
 
@@ -134,7 +134,7 @@ class SteppedWorld(Simulation):
         return int(sum(array.nbytes for array in arrays.values()) - constant)
 
 
-class Log:
+class ActionLog:
     """The actions of an episode, and its digests."""
 
     def __init__(self) -> None:
@@ -148,6 +148,25 @@ class Log:
             if tick <= ticks:
                 rows[tick] = actions
         return rows
+
+
+def save_episode(resolved: Any, seed: int, digests: Mapping[int, str], path: Any) -> None:
+    """Record an episode in a simulation; its digests by tick must be those of the environment.
+
+    Raises InputError if the file cannot be written, and AssertionError if a digest differs.
+    """
+    from automaton.recording.recorder import Recorder
+
+    try:
+        with Recorder(Path(path), resolved, seed) as recorder:
+            simulation = Simulation(resolved, seed, on_record=recorder)
+            for tick, digest in sorted(digests.items()):
+                simulation.run(tick)
+                if tick and simulation.digest != digest:
+                    raise AssertionError(f"tick {tick}: the run differs from the episode")
+            recorder.end()
+    except OSError as error:
+        raise InputError(f"cannot write the recording: {error.strerror}", str(path)) from error
 
 
 def is_compiled(layer: str, name: str) -> bool:

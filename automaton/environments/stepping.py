@@ -20,7 +20,7 @@ from automaton.engine.jit.struct_types import declared_type, function_at, struct
 from automaton.engine.loop import PHASES, close_tick, open_tick, serve_layer
 from automaton.engine.observation import Observation
 from automaton.engine.state import STRATEGY_COUNT, Record
-from automaton.environments.external import ACTS, NO_ACTION, Actions, U, allowed_actions
+from automaton.environments.external import ACT_COUNTS, ACT_NONE, EnteredActions, U, allowed_actions
 from automaton.strategy.api import (
     ACTION_BLOCKED,
     ACTION_GATE,
@@ -40,7 +40,7 @@ from automaton.strategy.api import (
     number,
 )
 
-LEARNER: Final = PHASES - 1  # entry of LAYER_SEQUENCE: right of way
+LEARNER_PHASE: Final = PHASES - 1  # entry of LAYER_SEQUENCE: right of way
 MAX_DECISION_TICKS: Final = 1000  # of a step that waits for a robot to act
 
 # What a world does in the next step: episodes.state.
@@ -60,11 +60,20 @@ REWARDS: Final = {
     "energy": "charge used, as a share of a full battery",
     "tick": "1 for each tick",
 }
-(DELIVERED, TEAM, PICKED, NEARER, BLOCKED, INVALID, ENERGY, TICK) = range(len(REWARDS))
+(
+    REWARD_DELIVERED,
+    REWARD_TEAM,
+    REWARD_PICKED,
+    REWARD_NEARER,
+    REWARD_BLOCKED,
+    REWARD_INVALID,
+    REWARD_ENERGY,
+    REWARD_TICK,
+) = range(len(REWARDS))
 FEATURE_COUNT: Final = 16
 
 
-class Buffers(Struct):
+class StepBuffers(Struct):
     """What an environment shows and takes: W worlds of n robots, a actions, o values of a window."""
 
     actions: Array = field("(W, n) int32", "action of each robot")
@@ -81,7 +90,7 @@ class Buffers(Struct):
     invalid: Array = field("(W,) int64", "actions so far against the mask")
 
 
-class Scene(Struct):
+class FloorScene(Struct):
     """What all worlds of an environment have in common: C cells, k channels.
 
     A plane is the floor with a margin, so that windows never end outside it.
@@ -116,7 +125,7 @@ class Episode(Struct):
     claim: Array = field("(n,) int32", "place of its claim, or NIL", default=NIL)
     revision: Array = field("(1,) int64", "clock.revision of planes of orders", default=NIL)
     digests: Array = field("(d,) uint64", "digests of the state after its last tick, if logged")
-    scene: Scene
+    scene: FloorScene
 
 
 class Course(NamedNumbers):
@@ -141,14 +150,14 @@ class Stepper(Struct):
     used: Array = field("(f,) uint8", "whether a feature is called")
     weights: Array = field("(r,) float64", "weight of each component of rewards")
     state: Array = field("(W,) int64", "what each world does next: STATE_*")
-    buffers: Buffers
+    buffers: StepBuffers
 
 
 # The structs of a world, in the order of its addresses; then the memories of its strategies.
 SHAPES: Final = (
     *((World, True), (World, True), (World, False), (Record, True), (Batch, True), (Batch, True)),
     *((Batch, False), (Decisions, True), (Observation, True), (Observation, True)),
-    *((Actions, True), (Episode, True)),
+    *((EnteredActions, True), (Episode, True)),
 )
 (
     world_at, visible_world_at, view_at, record_at, full_batch_at, batch_at,
@@ -161,7 +170,7 @@ ADDRESS_COUNT: Final = len(SHAPES) + STRATEGY_COUNT
 @cache
 def view_signature() -> Any:
     """The types of the arguments of a kernel that fills a buffer: observations or features."""
-    shown = declared_type(World), declared_type(Episode), declared_type(Buffers)
+    shown = declared_type(World), declared_type(Episode), declared_type(StepBuffers)
     return types.void(*shown, types.int64, declared_type(Workspace)) if jit_is_on() else None
 
 
@@ -173,10 +182,10 @@ decide_at = function_at(DECIDE)
 ) = (function_at(signature(one) if jit_is_on() else None) for one in FEATURES)  # fmt: skip
 fill_at = function_at(view_signature())
 FIRST_FEATURE: Final = 8
-WINDOWS: Final = FIRST_FEATURE + len(FEATURES)
-ROBOT_FEATURES: Final = WINDOWS + 1
-DISTANCES: Final = WINDOWS + 2
-DIGESTS: Final = WINDOWS + 3
+FUNCTION_WINDOWS: Final = FIRST_FEATURE + len(FEATURES)
+FUNCTION_ROBOT_FEATURES: Final = FUNCTION_WINDOWS + 1
+FUNCTION_DISTANCES: Final = FUNCTION_WINDOWS + 2
+FUNCTION_DIGESTS: Final = FUNCTION_WINDOWS + 3
 
 
 # One world.
@@ -195,7 +204,7 @@ def step_world(stepper, workspace, w):
     begin_step(stepper, episode, actions_at(row[10]), w, is_first)
     for _ in range(MAX_DECISION_TICKS):
         if not is_first:
-            if not serve(stepper, workspace, w, LEARNER):
+            if not serve(stepper, workspace, w, LEARNER_PHASE):
                 return
             end_tick(stepper, world, episode, workspace, w, 1)
         is_first = False
@@ -227,12 +236,12 @@ def clear_rewards(stepper, w):
 @kernel
 def begin_step(stepper, episode, entered, w, is_first):
     """Take the actions of world w over, and count those against the mask; they are not executed."""
-    buffers, invalid = stepper.buffers, stepper.weights[INVALID]
+    buffers, invalid = stepper.buffers, stepper.weights[REWARD_INVALID]
     count, refused = stepper.course.actions, 0
     entered.are_checked = 1
     for i in range(stepper.course.robots):
         action, allowed = np.int64(buffers.actions[U(w), U(i)]), episode.allowed[U(i)]
-        if is_first or allowed & ACTS:
+        if is_first or allowed & ACT_COUNTS:
             buffers.elapsed[U(w), U(i)] = 0
             buffers.rewards[U(w), U(i)] = 0.0
         elif stepper.course.until_acting == 0:
@@ -243,7 +252,7 @@ def begin_step(stepper, episode, entered, w, is_first):
             action = np.int64(0)
             refused += 1
             buffers.rewards[U(w), U(i)] += invalid
-        entered.actions[U(i)] = action if allowed & ACTS else NO_ACTION
+        entered.actions[U(i)] = action if allowed & ACT_COUNTS else ACT_NONE
     buffers.invalid[w] += refused
 
 
@@ -262,7 +271,7 @@ def begin_tick(stepper, world, episode, workspace, w):
         )  # fmt: skip
         if begins:
             goes_on = True
-            for phase in range(LEARNER):
+            for phase in range(LEARNER_PHASE):
                 goes_on = goes_on and serve(stepper, workspace, w, phase)
             return goes_on
         end_tick(stepper, world, episode, workspace, w, 0)
@@ -278,8 +287,8 @@ def end_tick(stepper, world, episode, workspace, w, begins):
     close(stepper, w, begins)
     add_rewards(stepper, world, episode, workspace, w)
     if episode.digests.shape[0]:
-        fill_at(stepper.functions, DIGESTS)(world, episode, stepper.buffers, w, workspace)
-    actions_at(stepper.addresses[w, 10]).actions[:] = NO_ACTION
+        fill_at(stepper.functions, FUNCTION_DIGESTS)(world, episode, stepper.buffers, w, workspace)
+    actions_at(stepper.addresses[w, 10]).actions[:] = ACT_NONE
     if world.clock.finished or world.clock.tick >= stepper.course.max_ticks:
         stepper.state[w] = STATE_ENDED
         stepper.buffers.terminations[w] = world.clock.finished != 0
@@ -339,24 +348,24 @@ def add_rewards(stepper, world, episode, workspace, w):
     ended = 0
     for i in range(robots.cell.shape[0]):
         order, load = np.int64(episode.order[U(i)]), np.int64(robots.load[U(i)])
-        reward = weights[TICK]
+        reward = weights[REWARD_TICK]
         is_over = order != robots.order[U(i)] and order != NIL
         if is_over and world.orders.state[U(order)] == ORDER_DELIVERED:
-            reward += weights[DELIVERED]
+            reward += weights[REWARD_DELIVERED]
             ended += 1
         if load != NIL and load != episode.load[U(i)]:
-            reward += weights[PICKED]
+            reward += weights[REWARD_PICKED]
         buffers.rewards[U(w), U(i)] += reward
         buffers.elapsed[U(w), U(i)] += 1
     if stepper.course.counts_losses:
         add_losses(stepper, world, episode, w)
-    if ended and weights[TEAM] != 0.0:
+    if ended and weights[REWARD_TEAM] != 0.0:
         for i in range(robots.cell.shape[0]):
-            buffers.rewards[w, i] += weights[TEAM] * ended / robots.cell.shape[0]
-    if weights[NEARER] != 0.0:
-        fill_at(stepper.functions, DISTANCES)(world, episode, buffers, w, workspace)
+            buffers.rewards[w, i] += weights[REWARD_TEAM] * ended / robots.cell.shape[0]
+    if weights[REWARD_NEARER] != 0.0:
+        fill_at(stepper.functions, FUNCTION_DISTANCES)(world, episode, buffers, w, workspace)
         for i in range(robots.cell.shape[0]):
-            buffers.rewards[w, i] += weights[NEARER] * episode.nearer[i]
+            buffers.rewards[w, i] += weights[REWARD_NEARER] * episode.nearer[i]
 
 
 @kernel
@@ -367,8 +376,8 @@ def add_losses(stepper, world, episode, w):
         blocked = lost_to_refusals(world, i)
         episode.refused[i] = blocked > episode.blocked[i]
         used = np.int64(world.tally.energy_used[i])
-        reward = weights[BLOCKED] * (blocked - episode.blocked[i])
-        reward += weights[ENERGY] * ((used - episode.energy[i]) / BATTERY_FULL)
+        reward = weights[REWARD_BLOCKED] * (blocked - episode.blocked[i])
+        reward += weights[REWARD_ENERGY] * ((used - episode.energy[i]) / BATTERY_FULL)
         episode.blocked[i], episode.energy[i] = blocked, used
         buffers.rewards[w, i] += reward
 
@@ -395,9 +404,9 @@ def note_allowed(stepper, world, episode, w):
         episode.allowed[U(i)] = allowed
         for action in range(actions):
             buffers.masks[U(w), U(i), U(action)] = allowed >> action & 1
-        buffers.acting[U(w), U(i)] = 1 if allowed & ACTS else 0
+        buffers.acting[U(w), U(i)] = 1 if allowed & ACT_COUNTS else 0
         any_acting |= allowed
-    return any_acting & ACTS != 0
+    return any_acting & ACT_COUNTS != 0
 
 
 @kernel
@@ -405,11 +414,11 @@ def show_world(stepper, world, episode, workspace, w):
     """Fill in observations and features of world w."""
     buffers, words = stepper.buffers, stepper.functions
     if stepper.course.measures:
-        fill_at(words, DISTANCES)(world, episode, buffers, w, workspace)
+        fill_at(words, FUNCTION_DISTANCES)(world, episode, buffers, w, workspace)
     if buffers.observations.shape[2]:
-        fill_at(words, WINDOWS)(world, episode, buffers, w, workspace)
+        fill_at(words, FUNCTION_WINDOWS)(world, episode, buffers, w, workspace)
     if buffers.features.shape[2]:
-        fill_at(words, ROBOT_FEATURES)(world, episode, buffers, w, workspace)
+        fill_at(words, FUNCTION_ROBOT_FEATURES)(world, episode, buffers, w, workspace)
 
 
 def step_worlds(address, workspace_address, first, last):
@@ -419,9 +428,15 @@ def step_worlds(address, workspace_address, first, last):
         step_world(stepper, workspace, w)
 
 
+def step_in_python(*addresses):
+    """The same without the compiler, where NumPy would warn of hashes that wrap."""
+    with np.errstate(over="ignore"):
+        step_worlds(*addresses)
+
+
 @cache
 def compiled_driver():
     """The driver; compiled or loaded once per process."""
     if not jit_is_on():
-        return step_worlds
+        return step_in_python
     return kernel(step_worlds, signature=types.void(*[types.int64] * 4))

@@ -11,8 +11,7 @@ import numpy as np
 
 from automaton.engine.digest import digest_world
 from automaton.engine.jit.struct_types import clear_bytes, copy_bytes
-from automaton.environments.external import U
-from automaton.environments.stepping import Scene
+from automaton.environments.stepping import FloorScene
 from automaton.strategy.api import (
     BATTERY_FULL,
     GOAL_CHARGE,
@@ -27,6 +26,7 @@ from automaton.strategy.api import (
     kernel,
 )
 
+U = np.uint64  # unsigned index: spares the test for negative values
 CHANNELS: Final = {
     "walls": "1: robots of its type never stand here (wall, closed area, outside the floor)",
     "ways": "exits for robots of its type, as bits: east 1, south 2, west 4, north 8",
@@ -38,9 +38,23 @@ CHANNELS: Final = {
     "goal": "1 in one cell: its goal cell, each axis clipped to the window; no goal: all 0",
     "goals": "other robots whose goal cell this is, at most 255",
 }
-(WALLS, WAYS, ROBOTS, HEADINGS, LOADS, PODS, ORDERS, GOAL, GOALS) = range(len(CHANNELS))
-BY_TYPE: Final = (WALLS, WAYS, ORDERS)  # channels with a plane for each type of robots
-MOST: Final = 255
+(
+    CHANNEL_WALLS,
+    CHANNEL_WAYS,
+    CHANNEL_ROBOTS,
+    CHANNEL_HEADINGS,
+    CHANNEL_LOADS,
+    CHANNEL_PODS,
+    CHANNEL_ORDERS,
+    CHANNEL_GOAL,
+    CHANNEL_GOALS,
+) = range(len(CHANNELS))
+CHANNELS_BY_TYPE: Final = (
+    CHANNEL_WALLS,
+    CHANNEL_WAYS,
+    CHANNEL_ORDERS,
+)  # channels with a plane for each type of robots
+MAX_COUNT: Final = 255
 
 
 @cache
@@ -63,7 +77,7 @@ def window_kernel(radius: int) -> Any:
                 channel, at = scene.channels[U(k)], k * area
                 plane = scene.planes[U(k)]
                 to = target + (w * robots.cell.shape[0] + i) * windows.shape[2] + at
-                if channel == GOAL:
+                if channel == CHANNEL_GOAL:
                     clear_bytes(to, area)
                     goal = np.int64(robots.goal_cell[i])
                     if goal != NIL:
@@ -71,19 +85,19 @@ def window_kernel(radius: int) -> Any:
                         down = clipped(scene.row[goal] - scene.row[here], radius)
                         windows[w, i, at + centre + down * side + across] = 1
                     continue
-                if channel in (WALLS, WAYS, ORDERS):
+                if channel in (CHANNEL_WALLS, CHANNEL_WAYS, CHANNEL_ORDERS):
                     plane += kind
                 source = planes + plane * episode.planes.shape[1] + corner
                 for y in range(side):
                     copy_bytes(to + y * side, source + y * stride, side)
-                if channel == ROBOTS:
+                if channel == CHANNEL_ROBOTS:
                     if cell != NIL and episode.robots[episode.cell[i]] < 2:
                         windows[w, i, at + centre] = 0
                     hide_own(scene, episode, windows, w, i, at + centre, side, 0)
-                elif channel in (HEADINGS, LOADS):
+                elif channel in (CHANNEL_HEADINGS, CHANNEL_LOADS):
                     windows[w, i, at + centre] = 0
-                    hide_own(scene, episode, windows, w, i, at + centre, side, MOST)
-                elif channel == GOALS and robots.goal_cell[i] != NIL:
+                    hide_own(scene, episode, windows, w, i, at + centre, side, MAX_COUNT)
+                elif channel == CHANNEL_GOALS and robots.goal_cell[i] != NIL:
                     across = scene.column[robots.goal_cell[i]] - scene.column[here]
                     down = scene.row[robots.goal_cell[i]] - scene.row[here]
                     if abs(across) <= radius and abs(down) <= radius:
@@ -120,7 +134,7 @@ def hide_outside(episode, windows, w, side):
     scene, radius = episode.scene, side // 2
     for k in range(scene.channels.shape[0]):
         channel = scene.channels[k]
-        if channel != ROBOTS and channel != HEADINGS and channel != LOADS:
+        if channel != CHANNEL_ROBOTS and channel != CHANNEL_HEADINGS and channel != CHANNEL_LOADS:
             continue
         for y in range(side):
             for x in range(side):
@@ -139,23 +153,25 @@ def show_robots(world, episode):
     robots_plane, headings_plane = np.int64(NIL), np.int64(NIL)
     for k in range(scene.channels.shape[0]):
         channel, plane = scene.channels[k], scene.planes[k]
-        if channel == ROBOTS:
+        if channel == CHANNEL_ROBOTS:
             robots_plane = plane
-        elif channel in (HEADINGS, LOADS):
+        elif channel in (CHANNEL_HEADINGS, CHANNEL_LOADS):
             headings_plane = plane
-        elif channel == GOALS:
+        elif channel == CHANNEL_GOALS:
             count_goals(world, episode, plane)
-        elif (channel in (PODS, ORDERS)) and episode.revision[0] != world.clock.revision:
+        elif (channel in (CHANNEL_PODS, CHANNEL_ORDERS)) and episode.revision[
+            0
+        ] != world.clock.revision:
             show_demand(world, episode, channel, plane)
     episode.revision[0] = world.clock.revision
     if robots_plane == NIL and headings_plane == NIL:
         return
     for k in range(scene.channels.shape[0]):
-        if scene.channels[k] == HEADINGS or scene.channels[k] == LOADS:
+        if scene.channels[k] == CHANNEL_HEADINGS or scene.channels[k] == CHANNEL_LOADS:
             clear_robots(episode, scene.planes[k])
     move_robots(world, episode, robots_plane)
     for k in range(scene.channels.shape[0]):
-        if scene.channels[k] == HEADINGS or scene.channels[k] == LOADS:
+        if scene.channels[k] == CHANNEL_HEADINGS or scene.channels[k] == CHANNEL_LOADS:
             mark_robots(world, episode, scene.channels[k], scene.planes[k])
 
 
@@ -203,7 +219,11 @@ def mark_robots(world, episode, channel, plane):
     """Enter headings or loads of all robots; of several at one place the highest number counts."""
     robots = world.robots
     for i in range(robots.cell.shape[0]):
-        value = 1 + np.int64(robots.heading[i]) if channel == HEADINGS else robots.load[i] != NIL
+        value = (
+            1 + np.int64(robots.heading[i])
+            if channel == CHANNEL_HEADINGS
+            else robots.load[i] != NIL
+        )
         if episode.cell[i] != NIL:
             episode.planes[plane, episode.cell[i]] = value
         if episode.claim[i] != NIL:
@@ -220,14 +240,14 @@ def count_goals(world, episode, plane):
         if goal != NIL:
             place = scene.plane[goal]
             many = np.int64(episode.planes[plane, place])
-            episode.planes[plane, place] = min(many + 1, MOST)
+            episode.planes[plane, place] = min(many + 1, MAX_COUNT)
 
 
 @kernel
 def show_demand(world, episode, channel, plane):
     """Show where pods stand, or from where open orders are picked up."""
     scene, slots = episode.scene, world.slots
-    if channel == PODS:
+    if channel == CHANNEL_PODS:
         episode.planes[plane] = 0
         for pod in range(world.pods.slot.shape[0]):
             slot = np.int64(world.pods.slot[pod])
@@ -259,7 +279,7 @@ def count_order(world, episode, kind, plane, cell):
         return
     place = episode.scene.plane[cell]
     many = np.int64(episode.planes[plane + kind, place])
-    episode.planes[plane + kind, place] = min(many + 1, MOST)
+    episode.planes[plane + kind, place] = min(many + 1, MAX_COUNT)
 
 
 # Distances and features.
@@ -328,7 +348,7 @@ def note_digests(world, episode, buffers, w, workspace):
     digest_world(world, episode.digests)
 
 
-def scene_of(grid: Any, channels: tuple[str, ...], radius: int, sight: int) -> Scene:
+def scene_of(grid: Any, channels: tuple[str, ...], radius: int, sight: int) -> FloorScene:
     """The scene of a floor. `sight`: the radius of the circle that robots see, or NIL."""
     cells = np.arange(len(grid.kind))
     row, column = np.divmod(cells, grid.width)
@@ -337,9 +357,9 @@ def scene_of(grid: Any, channels: tuple[str, ...], radius: int, sight: int) -> S
     numbers = [list(CHANNELS).index(name) for name in channels]
     planes, following = [], 0
     for channel in numbers:
-        planes.append(NIL if channel == GOAL else following)
-        following += 0 if channel == GOAL else types if channel in BY_TYPE else 1
-    return Scene.sized(
+        planes.append(NIL if channel == CHANNEL_GOAL else following)
+        following += 0 if channel == CHANNEL_GOAL else types if channel in CHANNELS_BY_TYPE else 1
+    return FloorScene.sized(
         plane=((row + radius) * stride + column + radius).astype(np.int32),
         column=column.astype(np.int32),
         row=row.astype(np.int32),
@@ -351,12 +371,12 @@ def scene_of(grid: Any, channels: tuple[str, ...], radius: int, sight: int) -> S
     )
 
 
-def first_planes(world: Any, scene: Scene, radius: int) -> Any:
+def first_planes(world: Any, scene: FloorScene, radius: int) -> Any:
     """(q, p) uint8: the planes of a world before its first tick; walls and ways are filled in."""
     grid = world.grid
     many = max(
         (
-            int(plane) + (scene.types if channel in BY_TYPE else 1)
+            int(plane) + (scene.types if channel in CHANNELS_BY_TYPE else 1)
             for plane, channel in zip(scene.planes, scene.channels, strict=True)
         ),
         default=0,
@@ -364,10 +384,10 @@ def first_planes(world: Any, scene: Scene, radius: int) -> Any:
     rows = len(grid.kind) // grid.width + 2 * radius
     planes = np.zeros((max(many, 1), rows * scene.stride), np.uint8)
     for first, channel in zip(scene.planes, scene.channels, strict=True):
-        if channel not in (WALLS, WAYS):
+        if channel not in (CHANNEL_WALLS, CHANNEL_WAYS):
             continue
         for kind in range(scene.types):
-            if channel == WALLS:
+            if channel == CHANNEL_WALLS:
                 planes[first + kind] = 1
                 planes[first + kind, scene.plane] = world.slots.reachable[kind] == 0
             else:

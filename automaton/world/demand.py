@@ -21,8 +21,10 @@ from automaton.engine.state import NEVER, NIL, ORDER_UNRELEASED, ORDER_WAITING, 
 from automaton.floor.floor_plan import DESTINATION, DOCK, RACK, STATION
 from automaton.scenario.orders import (
     DRAWN_GENERATORS,
-    MAX_STOPS,
     OrderLine,
+)
+from automaton.scenario.orders import (
+    MAX_STOPS as MAX_STOPS,
 )
 from automaton.scenario.orders import Orders as OrdersGiven
 from automaton.scenario.schema import Scenario
@@ -351,6 +353,11 @@ def build_stops(
     if ticks is None:
         ticks = np.zeros(len(cells), np.int32)
     return first, Stops.sized({"v": len(cells)}, cell=cells.astype(np.int32), ticks=ticks)
+
+
+def tour_cells(resolved: Resolved, reachable: Array) -> list[Array]:
+    """The cells of the stops of tours, by group; `reachable`: (K, C) by robot type."""
+    return stop_groups(resolved.scenario.orders, resolved.floor_plan, reachable)
 
 
 def stops_of_tasks(resolved: Resolved, orders: int) -> tuple[Array, Array]:

@@ -45,6 +45,23 @@ def random_cells(floor_plan: FloorPlan, seed: int, last: Array | None = None) ->
     return np.concatenate((drawn[~last[drawn]], drawn[last[drawn]]))
 
 
+START_FIRST, START_LAST, START_NEVER = (
+    0,
+    1,
+    2,
+)  # cells where robots begin; if the others are used up; never
+
+
+def start_order(resolved: Resolved) -> tuple[Array, Array]:
+    """(c,) the drivable cells, and (c,) uint8 when robots of the first type begin there: START_*."""
+    scenario, floor_plan = resolved.scenario, resolved.floor_plan
+    cells = np.flatnonzero(floor_plan.drivable).astype(np.int32)
+    is_open = np.isin(cells, cells_to_start(scenario, floor_plan, cells))
+    is_open &= ~resolved.fleet.closed[0][cells]
+    order = np.where(service_cells(scenario, floor_plan)[cells], START_LAST, START_FIRST)
+    return cells, np.where(is_open, order, START_NEVER).astype(np.uint8)
+
+
 def stands_for_all(fleet: FleetOnFloor, seed: int) -> Array:
     """(n,) cells in front of racks, each open to its robot."""
     floor_plan, each = fleet.floor_plan, fleet.type_of

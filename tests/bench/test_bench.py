@@ -335,6 +335,7 @@ def test_interrupted_it_prints_what_it_has(
     [
         (["--only", "lop"], "unknown part 'lop' (did you mean 'loop'?)"),
         (["--repeat", "0"], "--repeat must be at least 1"),
+        (["--peers", "python3"], "--peers is for --only environments"),
         (["--jsno"], "'--jsno' (did you mean '--json'?)"),
     ],
 )

@@ -150,6 +150,21 @@ def test_after_the_end_the_next_step_begins_another_episode() -> None:
     assert (env.seeds == first).all()
 
 
+def test_in_the_step_of_the_end_the_last_view_is_kept_beside_the_first_one() -> None:
+    later = Environment(TOURS, 2, max_ticks=3)
+    at_once = Environment(TOURS, 2, max_ticks=3, autoreset="same_step", reward={"tick": 1})
+    for env in (later, at_once):
+        env.reset(seed=1)
+        for _ in range(3):
+            env.step()
+    assert at_once.truncations.all() and at_once.rewards.all() and not at_once.ticks.any()
+    assert at_once.final_observations is not None
+    assert np.array_equal(at_once.final_observations, later.observations)
+    later.step()
+    assert np.array_equal(at_once.observations, later.observations)
+    assert np.array_equal(at_once.seeds, later.seeds)
+
+
 def test_a_disabled_world_stands_still_until_it_is_reset() -> None:
     env = Environment(TOURS, 2, max_ticks=2, autoreset="disabled", reward={"tick": 1})
     env.reset(seed=1)

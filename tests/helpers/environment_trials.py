@@ -5,7 +5,8 @@
 1. Each shipped scenario whose other layers are compiled: 3 seeds, W = 1, 7 and 64 worlds, threads 1 and
    2; the digests of a world are equal at each of STEPS steps (default 500), and in a simulation that
    repeats its actions.
-2. Random floors of all kinematics: a million robot steps of allowed actions, none illegal, none invalid.
+2. Random floors of all kinematics: a million robot steps of allowed actions, none illegal, none invalid;
+   and a move or a turn is allowed exactly where the engine's own rules of right of way do not bar it.
 3. 200 seeds for each generator of orders with a compiled reset: the digest of a fresh simulation.
 4. With `views` instead of STEPS, only: the tests of PettingZoo for each of these scenarios, with warnings
    as errors, and the nanoseconds of an agent's step with 64 robots.
@@ -28,6 +29,8 @@ from typing import Any
 import numpy as np
 import steering_trials
 
+from automaton.engine.right_of_way import bar_to_step, bar_to_turn
+from automaton.engine.state import NIL
 from automaton.environments import Environment
 from automaton.errors import InputError
 from automaton.runs.simulation import Simulation
@@ -92,6 +95,22 @@ def repeated(name: str, seed: int, steps: int, drive: str) -> str:
     return f"{drive}: {illegal} illegal, {invalid} invalid" if illegal or invalid else ""
 
 
+def unlike_rules(env: Environment, w: int) -> str:
+    """Where a mask differs from the rules of right of way; "" if it does not."""
+    world, mask = env._world(w).world, env.masks[w]
+    robots, first = world.robots, 1 + (env.drive == "guided")
+    for i in range(env.robots):
+        if not env.acting[w, i] or robots.cell[i] == NIL or robots.parked[i]:
+            continue
+        headings, heading = int(world.grid.type_headings[robots.type[i]]), int(robots.heading[i])
+        ways = {1: range(4), 2: (heading, heading + 2), 4: (heading,)}[headings]
+        bars = [bar_to_step(world, i, way) for way in ways]
+        bars += [bar_to_turn(world, i, turn) for turn in {1: (), 2: (1,), 4: (3, 1)}[headings]]
+        if [bar == NIL for bar in bars] != mask[i, first : first + len(bars)].astype(bool).tolist():
+            return f"robot {i}: mask {mask[i].tolist()}, rules {bars}"
+    return ""
+
+
 def floors() -> Iterator[str]:
     """What is illegal or invalid on random floors."""
     done, seed, floors_tried = 0, 0, 0
@@ -108,6 +127,10 @@ def floors() -> Iterator[str]:
             for w in range(env.worlds):
                 env.actions[w] = chosen(env, w, step)
             env.step()
+            unlike = unlike_rules(env, step % env.worlds)
+            if unlike:
+                yield f"floor {seed}, step {step}: {unlike}"
+                break
             if env.invalid.any():
                 yield f"floor {seed}, step {step}: {env.invalid.tolist()} invalid"
                 break

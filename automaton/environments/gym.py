@@ -127,17 +127,35 @@ class FleetVectorEnv(VectorEnv):  # type: ignore[misc]
         return rows.copy() if self._copy else rows
 
     def _observations(self) -> Any:
-        env = self.environment
-        if env.features is None:
-            return self._each(env.observations)
-        if env.observations is None:
-            return self._each(env.features)
-        return {"window": self._each(env.observations), "features": self._each(env.features)}
+        return self._seen(self.environment.observations, self.environment.features)
+
+    def _seen(self, windows: Any, features: Any) -> Any:
+        """What each environment sees."""
+        if features is None:
+            return self._each(windows)
+        if windows is None:
+            return self._each(features)
+        return {"window": self._each(windows), "features": self._each(features)}
 
     def _infos(self) -> dict[str, Any]:
         env, there = self.environment, np.ones(self.num_envs, bool)
         masks, acting = self._each(env.masks), self._each(env.acting)
-        return {"action_mask": masks, "_action_mask": there, "acting": acting, "_acting": there}
+        infos = {"action_mask": masks, "_action_mask": there, "acting": acting, "_acting": there}
+        if env.autoreset == "same_step":
+            flags = self._each(env.terminations | env.truncations)
+            ended = flags if self._per_robot else flags.all(axis=1)
+            if ended.any():
+                infos |= {"final_obs": self._final(ended), "_final_obs": ended}
+        return infos
+
+    def _final(self, ended: Any) -> Any:
+        """(num_envs,) objects: the last observation of each episode that ended, None for the others."""
+        seen = self._seen(self.environment.final_observations, self.environment.final_features)
+        last = np.full(self.num_envs, None, object)
+        for k in np.flatnonzero(ended).tolist():
+            is_parted = isinstance(seen, dict)
+            last[k] = {name: part[k] for name, part in seen.items()} if is_parted else seen[k]
+        return last
 
     def _worlds_of(self, mask: Any) -> Any:
         """(W,) bool: the worlds of a mask of environments. All robots of a world end together."""

@@ -127,9 +127,9 @@ class FleetVectorEnv(VectorEnv):  # type: ignore[misc]
         return rows.copy() if self._copy else rows
 
     def _observations(self) -> Any:
-        return self._seen(self.environment.observations, self.environment.features)
+        return self._observed(self.environment.observations, self.environment.features)
 
-    def _seen(self, windows: Any, features: Any) -> Any:
+    def _observed(self, windows: Any, features: Any) -> Any:
         """What each environment sees."""
         if features is None:
             return self._each(windows)
@@ -150,11 +150,13 @@ class FleetVectorEnv(VectorEnv):  # type: ignore[misc]
 
     def _final(self, ended: Any) -> Any:
         """(num_envs,) objects: the last observation of each episode that ended, None for the others."""
-        seen = self._seen(self.environment.final_observations, self.environment.final_features)
+        arrays = self._observed(
+            self.environment.final_observations, self.environment.final_features
+        )
         last = np.full(self.num_envs, None, object)
         for k in np.flatnonzero(ended).tolist():
-            is_parted = isinstance(seen, dict)
-            last[k] = {name: part[k] for name, part in seen.items()} if is_parted else seen[k]
+            is_parted = isinstance(arrays, dict)
+            last[k] = {name: part[k] for name, part in arrays.items()} if is_parted else arrays[k]
         return last
 
     def _worlds_of(self, mask: Any) -> Any:

@@ -64,14 +64,14 @@ class FleetParallelEnv(ParallelEnv):  # type: ignore[misc]
             )
         env = self.environment = Environment(scenario, 1, autoreset="disabled", **options)
         self.render_mode, self._copy = render_mode, copy
-        self._masks_are_seen = mask_in == "observation"
+        self._masks_are_observed = mask_in == "observation"
         self.possible_agents = [f"robot_{i}" for i in range(env.robots)]
         self.agents: list[str] = []
-        seen = observation_space(env)
-        if self._masks_are_seen:
+        space = observation_space(env)
+        if self._masks_are_observed:
             mask = spaces.MultiBinary(env.actions_count)
-            seen = spaces.Dict({"observation": seen, "action_mask": mask})
-        self.observation_spaces = {agent: seen for agent in self.possible_agents}
+            space = spaces.Dict({"observation": space, "action_mask": mask})
+        self.observation_spaces = {agent: space for agent in self.possible_agents}
         self.action_spaces = {
             agent: spaces.Discrete(env.actions_count) for agent in self.possible_agents
         }
@@ -92,7 +92,7 @@ class FleetParallelEnv(ParallelEnv):  # type: ignore[misc]
         """Begin an episode; `options`: as for `Environment`."""
         self.environment.reset(seed, options=options)
         self.agents = list(self.possible_agents)
-        return self._seen()
+        return self._observed()
 
     def step(self, actions: dict[str, int]) -> Dicts:
         """Execute the actions of agents; all agents end together."""
@@ -101,12 +101,12 @@ class FleetParallelEnv(ParallelEnv):  # type: ignore[misc]
         env, agents = self.environment, self.agents
         self._enter(actions)
         env.step()
-        seen, infos = self._seen()
+        observations, infos = self._observed()
         has_ended, is_cut = bool(env.terminations[0, 0]), bool(env.truncations[0, 0])
         if has_ended or is_cut:
             self.agents = []
         return (
-            seen,
+            observations,
             dict(zip(agents, env.rewards[0].tolist(), strict=True)),
             dict.fromkeys(agents, has_ended),
             dict.fromkeys(agents, is_cut),
@@ -136,14 +136,14 @@ class FleetParallelEnv(ParallelEnv):  # type: ignore[misc]
         """Release the world."""
         self.environment.close()
 
-    def _seen(self) -> tuple[dict[str, Any], dict[str, Any]]:
+    def _observed(self) -> tuple[dict[str, Any], dict[str, Any]]:
         """What each agent sees, and its infos; without `copy` the same arrays in each step."""
         if self._copy:
             return self._parts(copy=True)
         if self._shared is None:
             self._shared = self._parts(copy=False)
-        seen, infos = self._shared
-        return dict(seen), dict(infos)
+        observations, infos = self._shared
+        return dict(observations), dict(infos)
 
     def _parts(self, copy: bool) -> tuple[dict[str, Any], dict[str, Any]]:
         env, agents = self.environment, self.possible_agents
@@ -152,18 +152,18 @@ class FleetParallelEnv(ParallelEnv):  # type: ignore[misc]
             for array in (env.observations, env.features, env.masks)
         )
         if windows is None or features is None:
-            seen: Any = features if windows is None else windows
+            observations: Any = features if windows is None else windows
         else:
             pairs = zip(windows, features, strict=True)
-            seen = [{"window": window, "features": numbers} for window, numbers in pairs]
-        if self._masks_are_seen:
-            pairs = zip(seen, masks or (), strict=True)
-            seen = [{"observation": one, "action_mask": mask} for one, mask in pairs]
+            observations = [{"window": window, "features": numbers} for window, numbers in pairs]
+        if self._masks_are_observed:
+            pairs = zip(observations, masks or (), strict=True)
+            observations = [{"observation": one, "action_mask": mask} for one, mask in pairs]
             infos: dict[str, Any] = {agent: {} for agent in agents}
         else:
             pairs = zip(agents, masks or (), strict=True)
             infos = {agent: {"action_mask": mask} for agent, mask in pairs}
-        return dict(zip(agents, seen, strict=True)), infos
+        return dict(zip(agents, observations, strict=True)), infos
 
 
 def parallel_env(scenario: Any, **options: Any) -> FleetParallelEnv:

@@ -250,7 +250,7 @@ class Robots(Struct):
     retry_state: Array = field("(n,) uint8", "state of waits and retries: RETRY_*", digest=18)
     home: Array = field(
         "(n,) int32",
-        "cell where it parks (its target, with stop on-targets), enters its bay, or left the floor",
+        "cell where it parks (stop on-targets: its target), enters its parking bay, or left the floor",
         role=DERIVED,
         hidden=NIL,
         header=True,

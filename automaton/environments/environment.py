@@ -314,7 +314,9 @@ class Environment:
             self._take(actions)
         if self._logs is not None:
             self._note_actions(self._logs)
-        if self.autoreset == "next_step":
+        if self.autoreset == "same_step":  # the flags of episodes that the last step ended
+            self.terminations[:] = self.truncations[:] = False
+        elif self.autoreset == "next_step":
             self._begin(np.flatnonzero(self._state == STATE_ENDED))
         if self._pool is None:
             self._drive(self._address, self._space_addresses[0], 0, self.worlds)

@@ -10,7 +10,7 @@ Importing this needs gymnasium (extra `environments`).
 
 from __future__ import annotations
 
-from typing import Any, ClassVar, Final
+from typing import Any, Final
 
 import numpy as np
 
@@ -32,7 +32,7 @@ GRANULARITIES: Final = ("robot", "world")
 BINARY: Final = frozenset(("walls", "robots", "loads", "pods", "goal"))  # channels of 0 and 1
 
 
-class FleetVectorEnv(VectorEnv):  # type: ignore[type-arg]
+class FleetVectorEnv(VectorEnv):  # type: ignore[misc]
     """Worlds of one scenario as a vector environment of gymnasium.
 
     `per`: with "robot" each robot of each world is an environment, with "world" each world, whose
@@ -45,7 +45,7 @@ class FleetVectorEnv(VectorEnv):  # type: ignore[type-arg]
         envs.step(infos["action_mask"].argmax(axis=1))
     """
 
-    metadata: ClassVar[dict[str, Any]] = {
+    metadata: dict[str, Any] = {  # noqa: RUF012 - declared as an attribute of instances
         "render_modes": ["ansi"],
         "autoreset_mode": AutoresetMode.NEXT_STEP,
     }
@@ -111,7 +111,7 @@ class FleetVectorEnv(VectorEnv):  # type: ignore[type-arg]
             self._infos(),
         )
 
-    def render(self) -> tuple[str, ...] | None:  # type: ignore[override]
+    def render(self) -> tuple[str, ...] | None:
         """The picture of each world, with render_mode="ansi"."""
         if self.render_mode is None:
             return None
@@ -127,17 +127,37 @@ class FleetVectorEnv(VectorEnv):  # type: ignore[type-arg]
         return rows.copy() if self._copy else rows
 
     def _observations(self) -> Any:
-        env = self.environment
-        if env.features is None:
-            return self._each(env.observations)
-        if env.observations is None:
-            return self._each(env.features)
-        return {"window": self._each(env.observations), "features": self._each(env.features)}
+        return self._observed(self.environment.observations, self.environment.features)
+
+    def _observed(self, windows: Any, features: Any) -> Any:
+        """What each environment sees."""
+        if features is None:
+            return self._each(windows)
+        if windows is None:
+            return self._each(features)
+        return {"window": self._each(windows), "features": self._each(features)}
 
     def _infos(self) -> dict[str, Any]:
         env, there = self.environment, np.ones(self.num_envs, bool)
         masks, acting = self._each(env.masks), self._each(env.acting)
-        return {"action_mask": masks, "_action_mask": there, "acting": acting, "_acting": there}
+        infos = {"action_mask": masks, "_action_mask": there, "acting": acting, "_acting": there}
+        if env.autoreset == "same_step":
+            flags = self._each(env.terminations | env.truncations)
+            ended = flags if self._per_robot else flags.all(axis=1)
+            if ended.any():
+                infos |= {"final_obs": self._final(ended), "_final_obs": ended}
+        return infos
+
+    def _final(self, ended: Any) -> Any:
+        """(num_envs,) objects: the last observation of each episode that ended, None for the others."""
+        arrays = self._observed(
+            self.environment.final_observations, self.environment.final_features
+        )
+        last = np.full(self.num_envs, None, object)
+        for k in np.flatnonzero(ended).tolist():
+            is_parted = isinstance(arrays, dict)
+            last[k] = {name: part[k] for name, part in arrays.items()} if is_parted else arrays[k]
+        return last
 
     def _worlds_of(self, mask: Any) -> Any:
         """(W,) bool: the worlds of a mask of environments. All robots of a world end together."""

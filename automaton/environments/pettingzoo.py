@@ -13,10 +13,11 @@ from __future__ import annotations
 from typing import Any, ClassVar, Final
 
 from automaton.environments.environment import Environment, check_name
-from automaton.environments.gym import check_render_mode, observation_space, spaces
+from automaton.environments.gym import check_render_mode, observation_space
 from automaton.errors import InputError, nearest
 
 try:
+    from gymnasium import spaces
     from pettingzoo import ParallelEnv
 except ImportError as error:
     raise InputError(
@@ -27,7 +28,7 @@ MASK_PLACES: Final = ("observation", "info")
 Dicts = tuple[dict[str, Any], dict[str, Any], dict[str, Any], dict[str, Any], dict[str, Any]]
 
 
-class FleetParallelEnv(ParallelEnv):  # type: ignore[type-arg]
+class FleetParallelEnv(ParallelEnv):  # type: ignore[misc]
     """One world of a scenario as a parallel environment; agents are `robot_0` to `robot_{N-1}`.
 
     `mask_in`: with "observation" an agent sees {"observation", "action_mask"}; with "info" the mask is
@@ -63,17 +64,18 @@ class FleetParallelEnv(ParallelEnv):  # type: ignore[type-arg]
             )
         env = self.environment = Environment(scenario, 1, autoreset="disabled", **options)
         self.render_mode, self._copy = render_mode, copy
-        self._masks_are_seen = mask_in == "observation"
+        self._masks_are_observed = mask_in == "observation"
         self.possible_agents = [f"robot_{i}" for i in range(env.robots)]
         self.agents: list[str] = []
-        seen = observation_space(env)
-        if self._masks_are_seen:
+        space = observation_space(env)
+        if self._masks_are_observed:
             mask = spaces.MultiBinary(env.actions_count)
-            seen = spaces.Dict({"observation": seen, "action_mask": mask})
-        self.observation_spaces = {agent: seen for agent in self.possible_agents}
+            space = spaces.Dict({"observation": space, "action_mask": mask})
+        self.observation_spaces = {agent: space for agent in self.possible_agents}
         self.action_spaces = {
             agent: spaces.Discrete(env.actions_count) for agent in self.possible_agents
         }
+        self._shared: tuple[dict[str, Any], dict[str, Any]] | None = None
         self._number = {agent: i for i, agent in enumerate(self.possible_agents)}
 
     def observation_space(self, agent: str) -> Any:
@@ -90,33 +92,41 @@ class FleetParallelEnv(ParallelEnv):  # type: ignore[type-arg]
         """Begin an episode; `options`: as for `Environment`."""
         self.environment.reset(seed, options=options)
         self.agents = list(self.possible_agents)
-        return self._seen()
+        return self._observed()
 
     def step(self, actions: dict[str, int]) -> Dicts:
         """Execute the actions of agents; all agents end together."""
         if not self.agents:
             return {}, {}, {}, {}, {}
         env, agents = self.environment, self.agents
-        row = env.actions[0]
-        row[:] = 0
-        for agent, action in actions.items():
-            if agent not in self._number:
-                hint = nearest(str(agent), self.possible_agents)
-                last = self.possible_agents[-1]
-                raise InputError(f"there is no agent {agent!r}{hint}: they are robot_0 to {last}")
-            if not 0 <= action < env.actions_count:
-                most = env.actions_count - 1
-                raise InputError(f"the action of {agent} must be 0 to {most}, found {action!r}")
-            row[self._number[agent]] = action
+        self._enter(actions)
         env.step()
-        seen, infos = self._seen()
-        rewards, ends, cuts = (
-            dict(zip(agents, array[0].tolist(), strict=True))
-            for array in (env.rewards, env.terminations, env.truncations)
-        )
-        if env.terminations[0, 0] or env.truncations[0, 0]:
+        observations, infos = self._observed()
+        has_ended, is_cut = bool(env.terminations[0, 0]), bool(env.truncations[0, 0])
+        if has_ended or is_cut:
             self.agents = []
-        return seen, rewards, ends, cuts, infos
+        return (
+            observations,
+            dict(zip(agents, env.rewards[0].tolist(), strict=True)),
+            dict.fromkeys(agents, has_ended),
+            dict.fromkeys(agents, is_cut),
+            infos,
+        )
+
+    def _enter(self, actions: dict[str, int]) -> None:
+        """Set the actions of agents; others stay. Raises InputError."""
+        row, most = self.environment.actions[0], self.environment.actions_count - 1
+        if len(actions) != len(self._number) or not all(map(self._number.__contains__, actions)):
+            for agent in actions.keys() - self._number.keys():
+                hint, last = nearest(str(agent), self._number), self.possible_agents[-1]
+                raise InputError(f"there is no agent {agent!r}{hint}: they are robot_0 to {last}")
+            actions = dict.fromkeys(self.possible_agents, 0) | actions
+        row[:] = list(map(actions.__getitem__, self.possible_agents))
+        if row.min() < 0 or row.max() > most:
+            agent = next(one for one in actions if not 0 <= actions[one] <= most)
+            raise InputError(
+                f"the action of {agent} must be 0 to {most}, found {int(actions[agent])}"
+            )
 
     def render(self) -> str | None:
         """The picture of the world as text, with render_mode="ansi"."""
@@ -126,28 +136,34 @@ class FleetParallelEnv(ParallelEnv):  # type: ignore[type-arg]
         """Release the world."""
         self.environment.close()
 
-    def _seen(self) -> tuple[dict[str, Any], dict[str, Any]]:
-        """What each agent sees, and its infos."""
-        env, agents = self.environment, self.agents
+    def _observed(self) -> tuple[dict[str, Any], dict[str, Any]]:
+        """What each agent sees, and its infos; without `copy` the same arrays in each step."""
+        if self._copy:
+            return self._parts(copy=True)
+        if self._shared is None:
+            self._shared = self._parts(copy=False)
+        observations, infos = self._shared
+        return dict(observations), dict(infos)
+
+    def _parts(self, copy: bool) -> tuple[dict[str, Any], dict[str, Any]]:
+        env, agents = self.environment, self.possible_agents
         windows, features, masks = (
-            None if array is None else list(array[0].copy() if self._copy else array[0])
+            None if array is None else list(array[0].copy() if copy else array[0])
             for array in (env.observations, env.features, env.masks)
         )
         if windows is None or features is None:
-            seen: Any = features if windows is None else windows
+            observations: Any = features if windows is None else windows
         else:
             pairs = zip(windows, features, strict=True)
-            seen = [{"window": window, "features": numbers} for window, numbers in pairs]
-        if self._masks_are_seen:
-            pairs = zip(seen, masks or (), strict=True)
-            seen = [{"observation": one, "action_mask": mask} for one, mask in pairs]
+            observations = [{"window": window, "features": numbers} for window, numbers in pairs]
+        if self._masks_are_observed:
+            pairs = zip(observations, masks or (), strict=True)
+            observations = [{"observation": one, "action_mask": mask} for one, mask in pairs]
             infos: dict[str, Any] = {agent: {} for agent in agents}
         else:
-            infos = {
-                agent: {"action_mask": mask}
-                for agent, mask in zip(agents, masks or (), strict=True)
-            }
-        return dict(zip(agents, seen, strict=True)), infos
+            pairs = zip(agents, masks or (), strict=True)
+            infos = {agent: {"action_mask": mask} for agent, mask in pairs}
+        return dict(zip(agents, observations, strict=True)), infos
 
 
 def parallel_env(scenario: Any, **options: Any) -> FleetParallelEnv:

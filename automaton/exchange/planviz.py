@@ -51,9 +51,9 @@ from automaton.exchange.planviz_paths import (
     VACANT,
     WAIT,
     Actions,
-    Arrivals,
     PlanViolation,
     ScheduledVisits,
+    TargetArrivals,
     actions_of,
     actions_of_segments,
     motion_of,
@@ -521,7 +521,7 @@ class PlannedMotion(NamedTuple):
     violation: PlanViolation | None
     visited: npt.NDArray[np.int64]  # (events,) cell of the robot of each event; VACANT after it
     finished: int | None  # tasks finished by the schedules, if the output lists no visits
-    arrivals: Arrivals | None = None  # on the targets of a one-shot problem
+    arrivals: TargetArrivals | None = None  # on the targets of a one-shot problem
 
 
 def unchecked(output: PlanvizOutput, problem: Problem) -> Iterator[str]:
@@ -619,7 +619,7 @@ def follow(output: PlanvizOutput, problem: Problem) -> PlannedMotion:
     ends = np.searchsorted(
         [event[0] for event in output.events], np.arange(output.ticks + 1), "right"
     )
-    arrivals = Arrivals(problem, motion) if problem.on_targets else None
+    arrivals = TargetArrivals(problem, motion) if problem.on_targets else None
     for tick, action in enumerate(output.actions, 1):
         violation = motion.carry_out(tick, action)
         if arrivals is not None:

@@ -415,7 +415,7 @@ class ScheduledVisits:
 # Targets of one-shot problems.
 
 
-class Arrivals:
+class TargetArrivals:
     """Since when robots stand on their targets: the cost of a robot is the tick of its last arrival."""
 
     def __init__(self, problem: Problem, motion: MovingRobots) -> None:
@@ -439,7 +439,7 @@ class Arrivals:
 
 
 def wrong_cost(
-    arrivals: Arrivals | None, ticks: int, robots: int, sum_of_cost: int | None
+    arrivals: TargetArrivals | None, ticks: int, robots: int, sum_of_cost: int | None
 ) -> PlanViolation | None:
     """Robots end on their targets, and the sum of costs is that of their last arrivals there.
 

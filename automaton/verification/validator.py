@@ -383,4 +383,4 @@ def targets_of(header: dict[str, Any]) -> list[int]:
     """The cell in which the task of each robot ends; without a task, its start cell."""
     cells: list[int] = header["robots"]["cell"].tolist()
     ends = header["stops"]["cell"][header["orders"]["first_stop"][1:] - 1].tolist()
-    return ends + cells[len(ends) :]
+    return [*ends, *cells[len(ends) :]]

@@ -180,7 +180,7 @@ def check_tasks(scenario: Scenario, floor_plan: FloorPlan) -> Iterator[Finding]:
 def check_targets(scenario: Scenario, floor_plan: FloorPlan) -> Iterator[Finding]:
     """With stop.when on-targets each robot has at most one task, and stays in the last cell of it."""
     orders, fleet, keys = scenario.orders, scenario.fleet, ("stop", "when")
-    if orders.tasks is None or orders.assign != "round-robin" or orders.repeat:
+    if not isinstance(orders.tasks, tuple) or orders.assign != "round-robin" or orders.repeat:
         text = "on-targets needs orders.tasks with assign: round-robin and without repeat"
         yield Finding(keys, text)
         return

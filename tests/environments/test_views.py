@@ -47,14 +47,15 @@ def walked(envs: Any, actions: Any, mode: str) -> list[Any]:
     returned = [(seen, infos["action_mask"])]
     for row in actions:
         seen, rewards, ends, cuts, infos = envs.step(row)
-        returned.append((seen, rewards, ends, cuts, infos["action_mask"]))
+        last = [one for one in infos.get("final_obs", ()) if one is not None]
+        returned.append((seen, rewards, ends, cuts, infos["action_mask"], np.array(last)))
         if mode == "disabled" and (ends | cuts).all():
             seen, infos = envs.reset(options={"reset_mask": ends | cuts})
             returned.append((seen, infos["action_mask"]))
     return returned
 
 
-@pytest.mark.parametrize("mode", ["next_step", "disabled"])
+@pytest.mark.parametrize("mode", ["next_step", "same_step", "disabled"])
 def test_worlds_are_as_environments_of_their_own(mode: str) -> None:
     fleet = FleetVectorEnv(MINI, 2, per="world", max_ticks=TICKS, autoreset=mode)
     fleet.action_space.seed(1)

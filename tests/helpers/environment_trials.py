@@ -22,6 +22,7 @@ import tempfile
 import time
 import warnings
 from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -176,8 +177,9 @@ def views(names: list[str]) -> int:
         try:
             with warnings.catch_warnings(), contextlib.redirect_stdout(io.StringIO()):
                 warnings.simplefilter("error")
-                parallel_api_test(parallel_env(name, max_ticks=VIEW_TICKS), 2 * VIEW_TICKS)
-                parallel_seed_test(lambda: parallel_env(name, max_ticks=VIEW_TICKS), VIEW_TICKS)
+                make = partial(parallel_env, name, max_ticks=VIEW_TICKS)
+                parallel_api_test(make(), 2 * VIEW_TICKS)
+                parallel_seed_test(make, VIEW_TICKS)
         except InputError as error:
             print(f"{name}: {error}", flush=True)
         except Exception as error:

@@ -105,9 +105,9 @@ def search_way_back(view, state, i, target, own_aisle):
     moves[:] = UNREACHABLE
     first[0] = target
     moves[U(first[0])] = 0
-    popped, found, pushed, waiting = 0, 1, 0, 0
-    while popped < found or pushed < waiting:
-        if popped == found or (
+    popped, listed, pushed, waiting = 0, 1, 0, 0
+    while popped < listed or pushed < waiting:
+        if popped == listed or (
             pushed < waiting and moves[U(later[U(pushed)])] <= moves[U(first[U(popped)])]
         ):
             cell = np.int64(later[U(pushed)])
@@ -129,8 +129,8 @@ def search_way_back(view, state, i, target, own_aisle):
                 later[U(waiting)] = before
                 waiting += 1
             else:
-                first[U(found)] = before
-                found += 1
+                first[U(listed)] = before
+                listed += 1
 
 
 @kernel

@@ -42,6 +42,7 @@ MANY_REFUSED: Final = 0.8
 SLOW_NS: Final = 1_000_000
 STEEP: Final = 1.5
 OVERTIME_CODE: Final = 97  # of automaton.conformance.strategy_checks
+MAX_DEATHS: Final = 2  # of a child process, until the strategy is not asked any more
 DELIVERY_FLOORS: Final = 6
 OK, FAILS, NOTE, LEFT_OUT = "ok", "FAILS", "note", "left out"
 BODY: Final = (
@@ -166,9 +167,12 @@ class Child:
         if not has_jit:
             self.environment["NUMBA_DISABLE_JIT"] = "1"
         self.process: subprocess.Popen[str] | None = None
+        self.deaths = 0
 
     def ask(self, task: dict[str, Any]) -> dict[str, Any]:
         """Do a task; a process that dies fails `survival`."""
+        if self.deaths == MAX_DEATHS:
+            return {"found": []}
         if self.process is None:
             self.process = subprocess.Popen(
                 [sys.executable, "-c", BODY, json.dumps(sys.path)],
@@ -190,6 +194,7 @@ class Child:
             reply: dict[str, Any] = json.loads(line)
             return reply
         self.close()
+        self.deaths += 1
         code, seconds = process.returncode, task["timeout"]
         if code == OVERTIME_CODE:
             text = f"decides for longer than {seconds:g} s (--strategy-timeout)"
@@ -323,7 +328,9 @@ class Session:
         chosen = {
             "survival": known[: max(5, share // 8)],
             "writes": known[::5],
-            "information": known[::3],
+            "information": [k for k in known if self.accepted[k].get("is_limited")][
+                : max(2, share // 5)
+            ],
             "delivery": list(range(DELIVERY_FLOORS)),
             "memory": [] if self.compiled else by_decisions[: 5 if share >= 50 else 1],
         }
@@ -331,7 +338,7 @@ class Session:
             chosen = {check: [self.request.case] for check in chosen}
         tasks = []
         for check, numbers in chosen.items():
-            if self.request.wants(check):
+            if self.request.wants(check) and numbers:
                 self.cases[check] = len(numbers)
                 tasks += self.of(check, numbers)
         self.progress(f"{count(len(tasks), 'run')} of {', '.join(chosen)}")

@@ -33,6 +33,7 @@ from automaton.runs.illegal_decisions import illegal_decisions
 from automaton.runs.simulation import Simulation
 from automaton.runs.state_copy import captured, restore
 from automaton.strategy import lookup
+from automaton.strategy.patience import NoAnswer
 
 STEP: Final = 50  # ticks between compared digests
 BRANCH_TICK: Final = 150
@@ -42,6 +43,7 @@ TRACED_LIMIT: Final = 64 << 10
 RESIDENT_LIMIT: Final = 1 << 20
 CROWDS: Final = (10, 20, 40, 80)  # robots in the measurement of time
 STORAGE_ORDERS: Final = 3
+MAX_OVERTIMES: Final = 2  # decisions that take too long, until the strategy is not asked any more
 OVERTIME_S: Final = 2.0  # a decision that the limit has not ended after so long ends the process
 LONGEST_RAISED: Final = 200  # characters of an exception
 
@@ -70,6 +72,7 @@ class Subject:
         self.parameters = request.get("parameters") or {}
         self.seed, self.scenario = request["seed"], request.get("scenario")
         self.patience = request["timeout"]
+        self.overtimes = 0
         self.kind = lookup.load(self.layer, self.name)
 
     @property
@@ -222,7 +225,7 @@ def check_case(subject: Subject, number: int, only: str | None) -> dict[str, Any
         "trace": base,
         "size": cells * resolved.scenario.fleet.robots,
         "decisions": getattr(probe, "decisions", 0),
-        "calls": getattr(probe, "calls", 0),
+        "is_limited": resolved.scenario.information != "everything",
     }
 
 
@@ -436,7 +439,8 @@ def timing(subject: Subject, number: int) -> dict[str, Any]:
     row = "t" + "." * 18 + "t"
     rows = [row if y % 5 == 0 else "." * 20 for y in range(20)]
     floor = open_floor(subject, "\n".join(rows), robots, "omni")
-    floor["orders"] = {"generator": "stations", "count": 500}
+    loop = {"closed_loop": {"in_system": robots}}
+    floor["orders"] = {"generator": "stations", "count": 1_000, "arrivals": loop}
     floor["stop"] = {"when": "never", "max_duration": TICKS}
     try:
         run = subject.run(subject.resolved(floor), Probe)
@@ -489,20 +493,17 @@ SOME_CASES: Final = {
 
 
 def answer(subject: Subject, task: dict[str, Any]) -> dict[str, Any]:
-    """Do a task of the parent: a check on a case. What a strategy raises fails `survival`."""
-    check, number = task["check"], task["case"]
+    """Do a task of the parent: a check on a case. What a strategy raises fails `survival`.
+
+    A strategy that has often decided for too long is not asked any more.
+    """
+    check = task["check"]
+    if subject.overtimes >= MAX_OVERTIMES:
+        return {"found": []}
     try:
-        if check == "case":
-            return check_case(subject, number, task.get("only"))
-        if check == "trace":
-            run = subject.run(subject.resolved(subject.document(number)))
-            return {"trace": trace(subject, run, every=task.get("every", STEP))}
-        if check == "jit":
-            return {"trace": jit(subject, number)}
-        if check == "time":
-            return timing(subject, number)
-        return {"found": SOME_CASES[check](subject, number)}
+        return done(subject, task, check, task["case"])
     except StrategyRaisedError as error:
+        subject.overtimes += isinstance(error.__cause__, NoAnswer)
         name = "jit" if check == "jit" else "survival"
         return {"found": [Failure(name, str(error))]}
     except PermissionError as error:
@@ -512,27 +513,46 @@ def answer(subject: Subject, task: dict[str, Any]) -> dict[str, Any]:
         return {"found": [Failure("writes" if written else "contract", str(error))]}
 
 
+def done(subject: Subject, task: dict[str, Any], check: str, number: int) -> dict[str, Any]:
+    """Do a task."""
+    if check == "case":
+        return check_case(subject, number, task.get("only"))
+    if check == "trace":
+        run = subject.run(subject.resolved(subject.document(number)))
+        return {"trace": trace(subject, run, every=task.get("every", STEP))}
+    if check == "jit":
+        return {"trace": jit(subject, number)}
+    if check == "time":
+        return timing(subject, number)
+    return {"found": SOME_CASES[check](subject, number)}
+
+
+def reply_to(line: str | bytes, subjects: dict[str, Subject]) -> bytes:
+    """The reply to a task, both as JSON; `subjects` keeps the strategies between tasks."""
+    task = msgspec.json.decode(line)
+    key = str([(name, task[name]) for name in ("strategy", "layer", "seed", "parameters")])
+    try:
+        if key not in subjects:
+            subjects[key] = Subject(task)
+        subject = subjects[key]
+        reply = answer(subject, task)
+        reply |= {"layer": subject.layer, "compiled": subject.is_compiled}
+    except InputError as error:
+        reply = {"bad_input": str(error)}
+    return msgspec.json.encode(reply)
+
+
 def work() -> None:
-    """Read requests as lines of JSON, and answer each with a line; the body of a child process."""
+    """Read tasks as lines of JSON, and answer each with a line; the body of a child process."""
     import sys
 
     from automaton.engine.jit.kernel import jit_is_on
 
-    replies = os.fdopen(os.dup(1), "w")
+    replies = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)  # what a strategy prints goes to stderr
     if not jit_is_on():
         guard_states()
     subjects: dict[str, Subject] = {}
     for line in sys.stdin:
-        task = msgspec.json.decode(line)
-        key = str(sorted((k, str(task[k])) for k in ("strategy", "layer", "seed", "parameters")))
-        try:
-            if key not in subjects:
-                subjects[key] = Subject(task)
-            subject = subjects[key]
-            reply = answer(subject, task)
-            reply |= {"layer": subject.layer, "compiled": subject.is_compiled}
-        except InputError as error:
-            reply = {"bad_input": str(error)}
-        replies.write(msgspec.json.encode(reply).decode() + "\n")
+        replies.write(reply_to(line, subjects) + b"\n")
         replies.flush()

@@ -8,8 +8,6 @@ import sys
 import time
 from typing import Any
 
-import msgspec
-
 from automaton.strategy import orders
 from automaton.strategy.api import (
     CMD_PARK,
@@ -50,14 +48,10 @@ class NoDocstring(Sound):
     pass
 
 
-class NeedsParameters(Sound):
-    """contract: its parameters have no defaults."""
+class WrongPeriod(Sound):
+    """contract: its period is not a number of ticks."""
 
-    class Parameters(msgspec.Struct, frozen=True):
-        choice: int
-
-    def __init__(self, parameters: Any = None) -> None:
-        super().__init__(self.Parameters(1) if parameters is None else parameters)
+    period = -1
 
 
 class WrongState(Sound):

@@ -1,4 +1,4 @@
-"""Whether all shipped strategies conform, and the projects that `new-strategy` writes.
+"""Whether all shipped strategies and the projects of `new-strategy` conform: run by hand.
 
     python tests/helpers/conformance_trials.py shipped [FLOORS [LAYER:NAME ...]]
     python tests/helpers/conformance_trials.py projects [FOLDER]
@@ -17,7 +17,7 @@ import time
 import venv
 from pathlib import Path
 
-from automaton.conformance import Children, Request, Verdict, checked
+from automaton.conformance import CheckRequest, Children, Verdict, checked
 from automaton.conformance.new_project import LAYERS, write_project
 from automaton.strategy.lookup import NO_STRATEGY, names
 
@@ -33,7 +33,7 @@ def shipped(floors: int = FLOORS, chosen: tuple[str, ...] = ()) -> int:
     print("|---|---|---|---|---|---|")
     for name in chosen or every:
         with Children() as children:
-            verdict = checked(Request(name, floors), children=children)
+            verdict = checked(CheckRequest(name, floors), children=children)
         print(row(verdict), flush=True)
         if not verdict.conforms:
             failed.append("\n".join(verdict.lines()))

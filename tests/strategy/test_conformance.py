@@ -12,7 +12,7 @@ from typing import Any
 
 import pytest
 
-from automaton.conformance import CHECKS, FAILS, Children, Request, checked
+from automaton.conformance import CHECKS, FAILS, CheckRequest, Children, checked
 from automaton.conformance.new_project import LAYERS, write_project
 from automaton.conformance.random_cases import KINEMATICS, random_case
 from automaton.conformance.strategy_checks import Subject, reply_to
@@ -61,7 +61,7 @@ class AllHere(Children):
 
 def failing(name: str, check: str, case: int, children: Any) -> list[str]:
     timeout = 0.2 if name == "Endless" else 60
-    request = Request(f"broken_strategies:{name}", only=check, case=case, timeout=timeout)
+    request = CheckRequest(f"broken_strategies:{name}", only=check, case=case, timeout=timeout)
     verdict = checked(request, children=children)
     return [one.name for one in verdict.checks if one.verdict == FAILS]
 
@@ -82,14 +82,14 @@ def test_hashes_and_a_crash_are_noticed_between_processes() -> None:
 
 
 def test_a_sound_strategy_conforms() -> None:
-    verdict = checked(Request("broken_strategies:Sound", case=2), children=AllHere())
+    verdict = checked(CheckRequest("broken_strategies:Sound", case=2), children=AllHere())
     assert verdict.conforms and verdict.refused == 0 and verdict.decisions > 0
     names = [one.name for one in verdict.checks]
     assert names == list(CHECKS) and verdict.lines()[2].startswith("contract     ok")
 
 
 def test_a_failure_says_where_and_how_to_repeat_it() -> None:
-    request = Request("broken_strategies:Illegal", only="legality", case=0)
+    request = CheckRequest("broken_strategies:Illegal", only="legality", case=0)
     check = checked(request, children=AllHere()).checks[0]
     assert (check.case, check.tick, check.robot) == (0, 1, 0)
     assert "first: case 0, tick 1, robot 0: CMD_TAKE_ORDER" in check.text

@@ -9,8 +9,11 @@ import argparse
 from pathlib import Path
 from typing import Any
 
+import yaml
+
 from automaton.commands.arguments import add_json_argument, note, print_json, whole
-from automaton.conformance import CHECKS, FAILS, Request, Verdict, checked
+from automaton.conformance import CHECKS, FAILS, CheckRequest, Verdict, checked
+from automaton.documents.text_output import terminal_width
 from automaton.errors import InputError
 from automaton.scenario.document import parse
 from automaton.scenario.reading import document_of
@@ -57,7 +60,7 @@ def run(args: argparse.Namespace) -> int:
     """Check and print the verdict."""
     document = None if args.scenario is None else document_of(args.scenario).data
     default = 200 if document is None else SCENARIO_SEEDS
-    request = Request(
+    request = CheckRequest(
         strategy=args.strategy,
         floors=args.floors or default,
         seed=args.seed,
@@ -74,7 +77,7 @@ def run(args: argparse.Namespace) -> int:
     if args.json:
         print_json(verdict.as_json())
     else:
-        print("\n".join(verdict.lines()))
+        print("\n".join(verdict.lines(terminal_width())))
     return 0 if verdict.conforms else 1
 
 
@@ -88,10 +91,20 @@ def parameters_of(text: str | None) -> dict[str, Any] | None:
     return values
 
 
-def keep(folder: Path, request: Request, verdict: Verdict) -> None:
-    """Write the first floor of each failing check as a scenario. Raises InputError."""
-    import yaml
+class PictureDumper(yaml.SafeDumper):
+    """Writes texts of several lines, such as pictures of floors, as they are."""
 
+
+PictureDumper.add_representer(
+    str,
+    lambda dumper, text: dumper.represent_scalar(
+        "tag:yaml.org,2002:str", text, style="|" if "\n" in text else None
+    ),
+)
+
+
+def keep(folder: Path, request: CheckRequest, verdict: Verdict) -> None:
+    """Write the first floor of each failing check as a scenario. Raises InputError."""
     from automaton.conformance.random_cases import random_case
 
     failed = sorted(
@@ -114,7 +127,8 @@ def keep(folder: Path, request: Request, verdict: Verdict) -> None:
                 choice = {"name": name, **request.parameters}
             strategies = {**document["strategy"], verdict.layer: choice}
             file = folder / f"case-{case}.yaml"
-            file.write_text(yaml.safe_dump({**document, "strategy": strategies}, sort_keys=False))
+            content = {"name": f"case-{case}", **document, "strategy": strategies}
+            file.write_text(yaml.dump(content, Dumper=PictureDumper, sort_keys=False))
             note(f"wrote {file}")
     except OSError as error:
         raise InputError(f"cannot be written: {error.strerror}", str(folder)) from error

@@ -20,6 +20,7 @@ from collections.abc import Callable, Iterable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any, Final, NamedTuple
 
+from automaton.documents.text_output import wrapped
 from automaton.errors import InputError, nearest
 from automaton.units import count
 
@@ -38,6 +39,7 @@ CHECKS: Final = {
     "time": "CPU time of a decision",
 }
 OF_A_CASE: Final = ("legality", "repeats", "storage", "branches")  # checked on every case
+PAGE_WIDTH: Final = 100
 MANY_REFUSED: Final = 0.8
 SLOW_NS: Final = 1_000_000
 STEEP: Final = 1.5
@@ -51,7 +53,7 @@ BODY: Final = (
 )
 
 
-class Request(NamedTuple):
+class CheckRequest(NamedTuple):
     """What is checked, and how."""
 
     strategy: str  # "module:Class", or "layer:name"
@@ -85,7 +87,7 @@ class CheckResult(NamedTuple):
     name: str
     verdict: str
     cases: int
-    count: int = 0
+    times: int = 0
     text: str = ""
     case: int | None = None
     tick: int | None = None
@@ -111,27 +113,30 @@ class Verdict(NamedTuple):
         """Whether no check fails."""
         return all(check.verdict != FAILS for check in self.checks)
 
-    def lines(self) -> list[str]:
-        """The page."""
+    def lines(self, width: int = PAGE_WIDTH) -> list[str]:
+        """The page, in lines of at most `width` characters, but for commands."""
         form = "compiled" if self.compiled else "Python"
         answer = "conforms" if self.conforms else "does not conform"
         head = f"{self.strategy} ({self.layer.replace('_', ' ')}, {form}) {answer}: "
         head += f"{count(self.cases, 'case')}, {self.refused} refused, "
-        out = [head + count(self.decisions, "decision"), ""]
+        out = [*wrapped(head + count(self.decisions, "decision"), width), ""]
         for one in self.checks:
             what = one.text or f"{CHECKS[one.name]} ({count(one.cases, 'case')})"
-            out.append(f"{one.name:12} {one.verdict:9} {what}")
+            out += wrapped(what, width, f"{one.name:12} {one.verdict:9} ", " " * 23)
             if one.command:
-                out.append(f"{'':22} {one.command}")
+                out.append(f"    {one.command}")
         if self.refusal and self.refused > MANY_REFUSED * self.cases:
-            out += ["", f"Most cases are refused: {self.refusal}"]
+            out += ["", *wrapped(f"Most cases are refused: {self.refusal}", width)]
         return out
 
     def as_json(self) -> dict[str, Any]:
         """The verdict as one object."""
-        fields = ("name", "verdict", "count", "text", "case", "tick", "robot", "command")
+        fields = ("name", "verdict", "text", "case", "tick", "robot", "command")
         head = ("strategy", "layer", "compiled", "cases", "refused", "decisions", "conforms")
-        checks = [{field: getattr(one, field) for field in fields} for one in self.checks]
+        checks = [
+            {field: getattr(one, field) for field in fields} | {"count": one.times}
+            for one in self.checks
+        ]
         return {name: getattr(self, name) for name in head} | {"checks": checks, "ns": self.ns}
 
 
@@ -149,7 +154,7 @@ def conformance(
     Raises AssertionError with the page of the verdict if it does not conform, and InputError for a
     strategy that cannot be loaded or that refuses all cases.
     """
-    request = Request(strategy, floors, seed, only, parameters=parameters, timeout=timeout)
+    request = CheckRequest(strategy, floors, seed, only, parameters=parameters, timeout=timeout)
     verdict = checked(request)
     if not verdict.conforms:
         raise AssertionError("\n".join(verdict.lines()))
@@ -241,11 +246,11 @@ class Children:
 # The check.
 
 
-class Session:
+class StrategyCheck:
     """The checks of a strategy, and what they have found so far."""
 
     def __init__(
-        self, request: Request, children: Children, progress: Callable[[str], None]
+        self, request: CheckRequest, children: Children, progress: Callable[[str], None]
     ) -> None:
         self.request, self.children, self.progress = request, children, progress
         layer, _, name = request.strategy.partition(":")
@@ -387,7 +392,8 @@ class Session:
 
     def result(self, name: str) -> CheckResult:
         """The line of a check."""
-        cases, some = self.cases.get(name, 0), self.found.get(name, [])
+        cases = self.cases.get(name, 0)
+        some = sorted(self.found.get(name, []), key=lambda one: -1 if one[0] is None else one[0])
         if not some:
             if name == "jit" and not self.compiled:
                 return CheckResult(name, LEFT_OUT, 0, text="it is not compiled")
@@ -459,7 +465,7 @@ def time_line(ns: Mapping[str, float | None], cases: int) -> CheckResult:
 
 
 def checked(
-    request: Request,
+    request: CheckRequest,
     progress: Callable[[str], None] = lambda _: None,
     children: Children | None = None,
 ) -> Verdict:
@@ -468,6 +474,6 @@ def checked(
         hint = nearest(request.only, CHECKS)
         raise InputError(f"unknown check {request.only!r}{hint}; there are {', '.join(CHECKS)}")
     if children is not None:
-        return Session(request, children, progress).verdict()
+        return StrategyCheck(request, children, progress).verdict()
     with Children() as own:
-        return Session(request, own, progress).verdict()
+        return StrategyCheck(request, own, progress).verdict()

@@ -75,9 +75,9 @@ def write_project(name: str, layer: str, compiled: bool, parent: Path) -> list[P
             "exists already; choose another name, or another folder with --to", f"{folder}"
         )
     module = name.replace("-", "_")
-    told = LAYERS[layer]
-    text = f'description="{told.meaning}"'
-    limits = f"{told.limits}, " if told.limits else ""
+    template = LAYERS[layer]
+    text = f'description="{template.meaning}"'
+    limits = f"{template.limits}, " if template.limits else ""
     other = {
         "allocation": "independent",
         "routing": "shortest",
@@ -91,11 +91,11 @@ def write_project(name: str, layer: str, compiled: bool, parent: Path) -> list[P
         "module": module,
         "kind": "".join(part.capitalize() for part in name.split("-")),
         "layer": layer,
-        "summary": told.summary,
-        "parameter": told.parameter,
-        "default": told.default,
-        "bounds": f"{told.kind}, Meta({limits}{text})",
-        "scenario": told.scenario,
+        "summary": template.summary,
+        "parameter": template.parameter,
+        "default": template.default,
+        "bounds": f"{template.kind}, Meta({limits}{text})",
+        "scenario": template.scenario,
         "floor": CHARGER_FLOOR if layer == "charging" else STATION_FLOOR,
         "strategies": "\n".join(f'{" " * 12}"{one}": "{its}",' for one, its in other.items()),
         "more": BATTERY if layer == "charging" else "",
@@ -108,8 +108,8 @@ def write_project(name: str, layer: str, compiled: bool, parent: Path) -> list[P
         folder / "src" / module / "strategy.py": f"{layer}-{form}",
         folder / "tests" / f"test_{module}.py": "test.py",
     }
-    texts = {file: filled(template, values) for file, template in files.items()}
-    texts[folder / "src" / module / "__init__.py"] = f'"""{told.summary}"""\n'
+    texts = {file: filled(source, values) for file, source in files.items()}
+    texts[folder / "src" / module / "__init__.py"] = f'"""{template.summary}"""\n'
     try:
         for file, content in texts.items():
             file.parent.mkdir(parents=True, exist_ok=True)
@@ -119,9 +119,9 @@ def write_project(name: str, layer: str, compiled: bool, parent: Path) -> list[P
     return sorted(texts)
 
 
-def filled(template: str, values: dict[str, str]) -> str:
+def filled(source: str, values: dict[str, str]) -> str:
     """A template with its values."""
-    text = (TEMPLATES / f"{template}.txt").read_text(encoding="utf-8")
+    text = (TEMPLATES / f"{source}.txt").read_text(encoding="utf-8")
     return Template(text).substitute(values)
 
 

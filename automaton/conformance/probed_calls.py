@@ -26,7 +26,7 @@ REPLAYED_CALLS = 150  # calls of a run that are replayed to a new object
 EMPTY_CALLS = 20  # calls without robots, whose time is that of entering compiled code
 
 
-class Breach(NamedTuple):
+class CallFault(NamedTuple):
     """What a probe has noticed: the tick, the identity of the robot or NIL, and a sentence."""
 
     tick: int
@@ -46,7 +46,11 @@ class Probe(Strategy):
         self.run: Any = None  # the simulation, once it exists
         self.calls = self.decisions = 0
         self.ns: list[tuple[int, int]] = []  # CPU time and robots of each call
-        self.breaches: list[Breach] = []
+        self.breaches: list[CallFault] = []
+
+    def __getattr__(self, name: str) -> Any:
+        """Further attributes of the strategy, for which strategies of other layers ask."""
+        return getattr(self.__dict__["inner"], name)
 
     def __getattr__(self, name: str) -> Any:
         """Further attributes of the strategy, for which strategies of other layers ask."""
@@ -94,7 +98,7 @@ class Probe(Strategy):
         """Note a breach in the present call."""
         robots = self.run.world.robots
         robot = int(robots.identity[batch.robot[0]]) if batch.count == 1 else NIL
-        self.breaches.append(Breach(self.run.tick, robot, text))
+        self.breaches.append(CallFault(self.run.tick, robot, text))
 
 
 def call(strategy: Strategy, *arguments: Any) -> None:
@@ -275,7 +279,7 @@ class SightProbe(Probe):
                 call(fresh, *self.arguments)
                 if not are_equal(one.decided, self.rows()):
                     text = "decides otherwise if only the calls about this robot are replayed"
-                    self.breaches.append(Breach(one.tick, robot, text))
+                    self.breaches.append(CallFault(one.tick, robot, text))
                     return
 
 

@@ -49,11 +49,11 @@ LONGEST_RAISED: Final = 200  # characters of an exception
 
 
 class Failure(NamedTuple):
-    """What a check has found in a case; tick and robot: NIL if unknown."""
+    """What a check reports about a case; tick and robot: NIL if unknown."""
 
     check: str
     text: str
-    count: int = 1
+    times: int = 1
     tick: int = -1
     robot: int = -1
     is_note: bool = False
@@ -209,19 +209,19 @@ def check_case(subject: Subject, number: int, only: str | None) -> dict[str, Any
         return {"refused": str(error)}
     run = subject.run(resolved)
     base = trace(subject, run)
-    found = list(legality(subject, run, resolved)) if only in (None, "legality") else []
+    failures = list(legality(subject, run, resolved)) if only in (None, "legality") else []
     again = subject.run(resolved, Probe)
     if trace(subject, again) != base and only in (None, "repeats"):
         where = first_difference(subject, subject.run(resolved), subject.run(resolved))
-        found.append(Failure("repeats", f"two runs in one process differ, {where}"))
+        failures.append(Failure("repeats", f"two runs in one process differ, {where}"))
     if only in (None, "storage"):
-        found += storage(subject, resolved, base, number)
+        failures += storage(subject, resolved, base, number)
     if only in (None, "branches"):
-        found += branches(subject, resolved, base)
+        failures += branches(subject, resolved, base)
     probe = subject.probe_of(again)
     cells = int(np.count_nonzero(resolved.floor_plan.drivable))
     return {
-        "found": found,
+        "found": failures,
         "trace": base,
         "size": cells * resolved.scenario.fleet.robots,
         "decisions": getattr(probe, "decisions", 0),
@@ -346,7 +346,7 @@ def jit(subject: Subject, number: int) -> list[list[int]]:
 def grown(subject: Subject, number: int) -> list[Failure]:
     """Memory of a Python strategy between ticks 1,000 and 3,000.
 
-    What grows is measured again, since modules and caches that are loaded once are no leak.
+    What grows is measured again, since modules and caches that are loaded once are not leaks.
     """
     if not growth(subject, number):
         return []
@@ -457,29 +457,29 @@ def timing(subject: Subject, number: int) -> dict[str, Any]:
 
 def contract(subject: Subject, number: int) -> list[Failure]:
     """The class, its parameters and what it declares, on a run of the first case."""
-    kind, found = subject.kind, []
+    kind, failures = subject.kind, []
     if not (kind.__doc__ or "").strip():
-        found.append(
+        failures.append(
             Failure("contract", f"{kind.__name__} has no docstring: `list` shows its line")
         )
     try:
         if not subject.parameters:
             kind.Parameters()
     except TypeError as error:
-        found.append(Failure("contract", f"Parameters have no defaults: {error}"))
+        failures.append(Failure("contract", f"Parameters have no defaults: {error}"))
     try:
         msgspec.json.schema(kind.Parameters)
     except TypeError as error:
-        found.append(Failure("contract", f"Parameters have no JSON Schema: {error}"))
+        failures.append(Failure("contract", f"Parameters have no JSON Schema: {error}"))
     try:
         resolved = subject.resolved(subject.document(number))
     except InputError:
-        return found
+        return failures
     try:
         subject.run(resolved)
     except InputError as error:
-        found.append(Failure("contract", str(error)))
-    return found
+        failures.append(Failure("contract", str(error)))
+    return failures
 
 
 SOME_CASES: Final = {

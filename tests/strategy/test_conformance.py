@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 import json
+import subprocess
+import sys
+import tomllib
 from collections.abc import Iterable
+from pathlib import Path
 from typing import Any
 
 import pytest
 
-from automaton.conformance import CHECKS, FAILS, Children, Request, checked
+from automaton.conformance import CHECKS, FAILS, CheckRequest, Children, checked
+from automaton.conformance.new_project import LAYERS, write_project
 from automaton.conformance.random_cases import KINEMATICS, random_case
 from automaton.conformance.strategy_checks import Subject, reply_to
 from automaton.errors import InputError
@@ -29,7 +34,6 @@ BROKEN = {  # class: its check, and the number of a case in which it is noticed
     "Gossips": ("information", 2),
     "Idle": ("delivery", 0),
 }
-IN_A_PROCESS = {"HashOrder": ("repeats", 0), "Dies": ("survival", 0)}
 
 
 class Here:
@@ -57,7 +61,7 @@ class AllHere(Children):
 
 def failing(name: str, check: str, case: int, children: Any) -> list[str]:
     timeout = 0.2 if name == "Endless" else 60
-    request = Request(f"broken_strategies:{name}", only=check, case=case, timeout=timeout)
+    request = CheckRequest(f"broken_strategies:{name}", only=check, case=case, timeout=timeout)
     verdict = checked(request, children=children)
     return [one.name for one in verdict.checks if one.verdict == FAILS]
 
@@ -68,21 +72,24 @@ def test_a_broken_strategy_fails_its_own_check(name: str) -> None:
     assert failing(name, check, case, AllHere()) == [check]
 
 
-def test_a_strategy_that_kills_its_process_or_follows_hashes_is_named() -> None:
+def test_hashes_and_a_crash_are_noticed_between_processes() -> None:
     with Children() as children:
-        for name, (check, case) in IN_A_PROCESS.items():
-            assert failing(name, check, case, children) == [check]
+        assert failing("HashOrder", "repeats", 0, children) == ["repeats"]
+        task = {"layer": None, "strategy": "broken_strategies:Dies", "seed": 1, "timeout": 60}
+        task |= {"scenario": None, "parameters": None, "check": "contract", "case": 0}
+        reply = children.pair[0].ask({**task, "check": "case"})
+        assert reply["found"][0][:2] == ["survival", "the process died by SIGKILL"]
 
 
 def test_a_sound_strategy_conforms() -> None:
-    verdict = checked(Request("broken_strategies:Sound", case=2), children=AllHere())
+    verdict = checked(CheckRequest("broken_strategies:Sound", case=2), children=AllHere())
     assert verdict.conforms and verdict.refused == 0 and verdict.decisions > 0
     names = [one.name for one in verdict.checks]
     assert names == list(CHECKS) and verdict.lines()[2].startswith("contract     ok")
 
 
 def test_a_failure_says_where_and_how_to_repeat_it() -> None:
-    request = Request("broken_strategies:Illegal", only="legality", case=0)
+    request = CheckRequest("broken_strategies:Illegal", only="legality", case=0)
     check = checked(request, children=AllHere()).checks[0]
     assert (check.case, check.tick, check.robot) == (0, 1, 0)
     assert "first: case 0, tick 1, robot 0: CMD_TAKE_ORDER" in check.text

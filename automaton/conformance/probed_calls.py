@@ -52,10 +52,6 @@ class Probe(Strategy):
         """Further attributes of the strategy, for which strategies of other layers ask."""
         return getattr(self.__dict__["inner"], name)
 
-    def __getattr__(self, name: str) -> Any:
-        """Further attributes of the strategy, for which strategies of other layers ask."""
-        return getattr(self.__dict__["inner"], name)
-
     def reset(self, view: Any) -> Struct:
         """The state of the strategy."""
         self.inner.other_layers = self.other_layers

@@ -159,6 +159,17 @@ def test_picks_of_a_type_are_fitted_if_they_differ_from_those_of_the_others() ->
     assert "durations" not in settings, "the mixture of both looks uniform"
 
 
+def test_charges_in_whole_percent_say_what_motion_uses_but_not_what_picks_use() -> None:
+    log = lane_log(17, 4.0)
+    charge = np.round(log.samples.charge)
+    fits = fits_of(log._replace(samples=log.samples._replace(charge=charge)))
+    drain = fits.estimates["battery.drain.move"].fit
+    assert drain.low <= MOVE_DRAIN <= drain.high and drain.high - drain.low < MOVE_DRAIN / 2
+    for name in ("pick", "drop"):  # one of each in every lap
+        assert f"battery.drain.{name}" not in fits.estimates
+        assert any(f"{name}: " in line and "not separable" in line for line in fits.unsaid)
+
+
 def test_too_few_observations_are_named_and_not_fitted() -> None:
     short = fits_of(lane_log(0.5, 1.0))
     assert "durations.pick" not in short.estimates and "battery.drain.move" not in short.estimates

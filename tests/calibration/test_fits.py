@@ -186,10 +186,13 @@ def test_what_is_shorter_than_the_gap_between_messages_is_refused_by_name() -> N
 
 
 def test_a_slow_stretch_is_listed_with_its_cells_and_speed() -> None:
-    (slow,) = fits_of(lane_log(6, 1.0, slow=True)).slow
+    log = lane_log(6, 1.0, slow=True)
+    (slow,) = fits_of(log).slow
     assert slow.first[1] == slow.last[1] == 0
     assert abs(slow.first[0] - 8) <= 1 and abs(slow.last[0] - 11) <= 1
     assert slow.speed.value == pytest.approx(SPEEDS[0] / 2, rel=0.1)
+    half = site_fits.Thresholds(slow_share=0.55)
+    assert fit_site(log, resolve(SCENARIO), thresholds=half).slow == []
 
 
 def test_intervals_of_each_family_hold_the_mean_at_gaps_of_1_2_and_5_seconds() -> None:

@@ -171,16 +171,10 @@ def quantity_table(compared: Compared) -> Table:
     heads = ["", "site", "model", "diff.", "90 % low", "high", "p", "verdict"]
     rows = []
     for one in compared.agreement.differences:
-        ends = ["-"] * 3
-        if (
-            one.interval is not None
-            and one.interval.low is not None
-            and one.interval.high is not None
-        ):
-            bounds = one.interval.value, one.interval.low, one.interval.high
-            ends = [f"{100 * end:+.1f} %" for end in bounds]
-        elif one.interval is not None:
-            ends = [f"{100 * one.interval.value:+.1f} %", "-", "-"]
+        ends = [
+            "-" if end is None else f"{100 * end:+.1f} %"
+            for end in (one.interval[:3] if one.interval else (None, None, None))
+        ]
         name = plain_name(compared, one.quantity)
         numbers = [shown(one.quantity, value) for value in (one.real, one.simulated)]
         p = f"{one.p:.3f}" if len(compared.days) > 1 else "-"
@@ -190,7 +184,7 @@ def quantity_table(compared: Compared) -> Table:
 
 def verdict_word(one: QuantityDifference) -> str:
     """The verdict on a quantity in a table."""
-    if one.verdict == DIFFERS or (one.p <= ERROR and one.verdict != MATCHES):
+    if one.verdict == DIFFERS:
         return DIFFERS
     if one.tolerance is None:
         return "-"

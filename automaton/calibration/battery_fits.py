@@ -22,10 +22,9 @@ Array = np.ndarray[Any, Any]
 
 DRAIN_STATES: Final = ("move", "turn", "pick", "drop", "wait")
 PICK_AND_DROP: Final = ("pick", "drop")
-MAX_SEPARATE_INTERVAL: Final = (
-    0.15  # of an interval, with which picks and drops have values of their own
-)
-MAX_INTERVAL: Final = 1.0  # of an interval
+# Relative widths of intervals: of picks and drops with values of their own, and of all states.
+MAX_SEPARATE_INTERVAL: Final = 0.15
+MAX_INTERVAL: Final = 0.5
 MIN_WINDOWS: Final = 20
 CHARGE_WINDOW_S: Final = 60.0  # between the begins of windows, about
 LONG_WINDOW_S: Final = 300.0  # if these may cut an operation

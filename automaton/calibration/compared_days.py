@@ -31,6 +31,7 @@ from automaton.world.floor_parts import service_cells
 
 Array = np.ndarray[Any, Any]
 
+HEADINGS_OF_RAILS: Final = 2
 MIN_IN_STRETCHES: Final = 0.5  # of the drivable cells; on a more open floor, crossings count too
 
 
@@ -129,7 +130,8 @@ def place_robots(simulation: Simulation, cells: Array) -> None:
     """Let robots begin in other cells than their starts, where the floor allows.
 
     `cells`: (n,) by identity, NIL: at its start. A robot stays at its start if the cell is closed to it,
-    a station, a charger or a place of a queue, or if another robot begins there. With gates, all do.
+    a station, a charger or a place of a queue, if another robot begins there, or if it could not drive
+    on without a turntable. With gates, all do.
     """
     world, resolved = simulation.world, simulation.resolved
     robots, floor_plan = world.robots, resolved.floor_plan
@@ -139,6 +141,9 @@ def place_robots(simulation: Simulation, cells: Array) -> None:
     moves = (wanted != NIL) & floor_plan.drivable.reshape(-1)[wanted]
     moves &= ~service_cells(resolved.scenario, floor_plan)[wanted]
     moves &= ~resolved.fleet.closed[robots.type % len(resolved.fleet.closed), wanted]
+    exits = floor_plan.exits.reshape(-1)[wanted].astype(np.int64)
+    along = (exits >> robots.heading | exits >> (robots.heading ^ 2)) & 1 > 0
+    moves &= along | (world.grid.type_headings[robots.type] != HEADINGS_OF_RAILS)
     while True:
         at = np.where(moves, wanted, robots.cell)
         order = np.lexsort((moves, at))  # a robot that stays comes first

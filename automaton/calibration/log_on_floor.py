@@ -82,7 +82,13 @@ class RobotTracks:
             np.stack(np.divmod(one, self.stride)[::-1])
             for one in (self.cell, np.where(self.to_cell == NIL, self.cell, self.to_cell))
         )
-        out: Array = np.where(self.cell != NIL, at - 1 + self.share * (to - at), np.nan)
+        out: Array = np.where(self.on_floor, at - 1 + self.share * (to - at), np.nan)
+        return out
+
+    @cached_property
+    def on_floor(self) -> Array:
+        """(n,) bool."""
+        out: Array = self.cell != NIL
         return out
 
     @cached_property
@@ -112,8 +118,7 @@ class RobotTracks:
     @cached_property
     def usable(self) -> Array:
         """(n,) bool: of this message and the next."""
-        known = self.cell != NIL
-        out: Array = self.log.usable & known & np.append(known[1:], False)
+        out: Array = self.log.usable & self.on_floor & np.append(self.on_floor[1:], False)
         return out
 
     @cached_property

@@ -20,7 +20,6 @@ import numpy as np
 from automaton.calibration.duration_fits import Censored
 from automaton.calibration.log_on_floor import RobotTracks
 from automaton.calibration.state_log import MAX_GAP_MS
-from automaton.floor.floor_plan import NIL
 
 Array = np.ndarray[Any, Any]
 
@@ -145,7 +144,7 @@ class Drives(NamedTuple):
 
 def drives_of(track: RobotTracks, cells_per_second: Array, keeps: Array) -> Drives:
     """The drives; `cells_per_second`, `keeps`: (n,) usual speed, and whether something keeps a robot."""
-    moving = np.flatnonzero(track.driving & (track.cell != NIL))
+    moving = np.flatnonzero(track.driving & track.on_floor)
     first, last = moving[:-1], moving[1:]
     broken = np.cumsum(np.append(0, ~track.usable[:-1]))
     busy = np.cumsum(np.append(0, keeps))
@@ -294,7 +293,7 @@ def fit_breakdowns(track: RobotTracks, gaps: Array, error: float) -> Breakdowns:
     up = float(track.elapsed[linked & ~down & (track.elapsed <= MAX_GAP_MS / 1000)].sum())
     end = np.append(ends, len(down) - 1)[np.searchsorted(ends, begins)]
     is_over = (change[end] < 0) & (robot[end] == robot[begins])
-    off = np.cumsum(np.append(0, track.cell == NIL))
+    off = np.cumsum(np.append(0, ~track.on_floor))
     towed = off[np.where(is_over, end, begins) + 1] > off[begins]
     begin, end, seconds = begins[is_over], end[is_over], track.seconds
     times = seconds[begin] - seconds[begin - 1], seconds[end] - seconds[begin]

@@ -156,6 +156,9 @@ def read_log(paths: Iterable[Path], columns: Mapping[str, str] | None = None) ->
 
 def _ordered(arrays: dict[str, Array], names: LogNames, reader: LineReader) -> StateLog:
     """The log of rows in the order of their arrival."""
+    robots = tuple(sorted(names.robots))  # in any order of files
+    number = {name: rank for rank, name in enumerate(robots)}
+    arrays["robot"] = np.array([number[name] for name in names.robots], np.int32)[arrays["robot"]]
     arrays, doubled = _without_repetitions(arrays)
     unordered, steps, missing = _arrivals(arrays)
     rows = np.lexsort((arrays["header"], arrays["time"], arrays["robot"]))
@@ -185,8 +188,9 @@ def _ordered(arrays: dict[str, Array], names: LogNames, reader: LineReader) -> S
         versions=dict(reader.versions),
         silent_s=float(pauses[pauses > MAX_GAP_MS].sum()) / 1000,
     )
-    robots, loads, actions = map(tuple, (names.robots, names.loads, names.actions))
-    return StateLog(samples, robots, loads, actions, orders, usable, counts)
+    return StateLog(
+        samples, robots, tuple(names.loads), tuple(names.actions), orders, usable, counts
+    )
 
 
 def _distinct_orders(samples: Samples, names: Sequence[str]) -> tuple[Array, tuple[str, ...]]:

@@ -248,6 +248,10 @@ def test_robots_begin_where_the_log_has_them_if_the_floor_allows(folder: Path) -
         assert robots.cell[robots.at_index].tolist() == list(expected)
         simulation.run(300)
         assert (simulation.world.orders.state == ORDER_DELIVERED).sum() > 5
+    rails = Simulation(site_in(folder, "fleet.kinematics=rail", "orders.count=2").base)
+    before = rails.world.robots.cell.tolist()
+    place_robots(rails, np.array([xy(0, 1), NIL], np.int32))
+    assert rails.world.robots.cell.tolist() == before  # it stands across the only way on
 
 
 def test_a_number_is_tuned_until_days_agree(

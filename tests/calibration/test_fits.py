@@ -159,6 +159,17 @@ def test_picks_of_a_type_are_fitted_if_they_differ_from_those_of_the_others() ->
     assert "durations" not in settings, "the mixture of both looks uniform"
 
 
+def test_charges_in_whole_percent_say_what_motion_uses_but_not_what_picks_use() -> None:
+    log = lane_log(17, 4.0)
+    charge = np.round(log.samples.charge)
+    fits = fits_of(log._replace(samples=log.samples._replace(charge=charge)))
+    drain = fits.estimates["battery.drain.move"].fit
+    assert drain.low <= MOVE_DRAIN <= drain.high and drain.high - drain.low < MOVE_DRAIN / 2
+    for name in ("pick", "drop"):  # one of each in every lap
+        assert f"battery.drain.{name}" not in fits.estimates
+        assert any(f"{name}: " in line and "not separable" in line for line in fits.unsaid)
+
+
 def test_too_few_observations_are_named_and_not_fitted() -> None:
     short = fits_of(lane_log(0.5, 1.0))
     assert "durations.pick" not in short.estimates and "battery.drain.move" not in short.estimates
@@ -175,10 +186,13 @@ def test_what_is_shorter_than_the_gap_between_messages_is_refused_by_name() -> N
 
 
 def test_a_slow_stretch_is_listed_with_its_cells_and_speed() -> None:
-    (slow,) = fits_of(lane_log(6, 1.0, slow=True)).slow
+    log = lane_log(6, 1.0, slow=True)
+    (slow,) = fits_of(log).slow
     assert slow.first[1] == slow.last[1] == 0
     assert abs(slow.first[0] - 8) <= 1 and abs(slow.last[0] - 11) <= 1
     assert slow.speed.value == pytest.approx(SPEEDS[0] / 2, rel=0.1)
+    half = site_fits.Thresholds(slow_share=0.55)
+    assert fit_site(log, resolve(SCENARIO), thresholds=half).slow == []
 
 
 def test_intervals_of_each_family_hold_the_mean_at_gaps_of_1_2_and_5_seconds() -> None:

@@ -178,6 +178,20 @@ def test_two_robots_in_a_cell_and_swaps_are_listed(
     assert "two robots in a cell for one: once, first in tick 10: robots 0 and 1" in said
 
 
+def test_each_carry_of_a_load_without_an_order_is_an_order(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    carries = [second in (2, 3, 4, 7, 8) for second in range(12)]
+    lines = [
+        message(second, "1", 2.5, 0.5, loads=[{"loadId": "box"}] if carries[second] else [])
+        for second in range(12)
+    ]
+    observed(
+        lines, tmp_path, "units={tick: 1 s, cell: 1 m}", "orders.lines=[{pod: 1, station: P1}]"
+    )
+    assert "2 of 2 orders" in capsys.readouterr().out
+
+
 @pytest.mark.parametrize(
     ("lines", "sentence"),
     [

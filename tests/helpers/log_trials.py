@@ -150,7 +150,7 @@ def mutated(lines: list[bytes], draws: random.Random) -> bytes:
             )
         elif lines[0][:1] == b"{":
             with contextlib.suppress(
-                ValueError, TypeError, KeyError, AttributeError, RecursionError
+                ValueError, TypeError, KeyError, AttributeError, RecursionError, OverflowError
             ):
                 lines = list(disturbed(lines, draws.randrange(99)))
         lines = lines or [b"\n"]

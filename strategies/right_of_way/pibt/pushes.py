@@ -58,7 +58,8 @@ def push(view, state, first):
     depth = 1
     while depth:
         i = np.int64(state.stack[U(depth - 1)])
-        give_lanes_back(view, state, i)
+        if state.lanes:
+            give_lanes_back(view, state, i)
         pushed = take_option(view, state, i, depth)
         if pushed == SETTLED:
             return True

@@ -52,7 +52,7 @@ def test_fleets_of_any_size_run_in_zones() -> None:
     for kind in ("annealing", "decentralized"):
         resolved = resolve(zoning_speed.fleet(kind, 3, stations=18))
         run = Simulation(resolved)
-        run.run(until=1500)
+        run.run(until=900)
         assert (run.world.orders.delivered >= 0).sum() > 0
         assert run.world.tally.illegal.sum() == 0
 

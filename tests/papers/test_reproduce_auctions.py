@@ -30,13 +30,17 @@ from automaton.papers.reproduction_study import MadeTable, PublishedTable, Repro
 
 
 @pytest.fixture(scope="module")
-def printed() -> dict[str, Any]:
+def printed(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
     """What `--json` prints for two seeds."""
-    out = io.StringIO()
-    with contextlib.redirect_stdout(out):
-        assert main(["reproduce", "auctions", "--seeds", "2", "--json"]) == 0
-    found: dict[str, Any] = json.loads(out.getvalue())
-    return found
+
+    def run() -> dict[str, Any]:
+        out = io.StringIO()
+        with contextlib.redirect_stdout(out):
+            assert main(["reproduce", "auctions", "--seeds", "2", "--json"]) == 0
+        found: dict[str, Any] = json.loads(out.getvalue())
+        return found
+
+    return shared_fixture(tmp_path_factory, "auctions printed", run)
 
 
 def rows(printed: dict[str, Any], metric: str, **case: object) -> list[float]:

@@ -220,8 +220,9 @@ def look_where_it_goes(view, state, i):
         if waits_at_gate and view.rules.radius == NIL:  # it turns to the gate and keeps its cell
             reserve(state, own_resource(view, i), i)
         state.begun[i] = 0
-    if claim in (NIL, cell) and holds_both_lanes(view, state, i) and is_lane_free(view, state, i):
-        reserve_other_lane(view, state, i)
+    if state.lanes and claim in (NIL, cell) and holds_both_lanes(view, state, i):
+        if is_lane_free(view, state, i):
+            reserve_other_lane(view, state, i)
     if state.mode[i] == MODE_LEAVING:
         to = np.int64(state.next[i])
         reserve_ahead(view, state, i, to, direction_between(view.grid, cell, to))

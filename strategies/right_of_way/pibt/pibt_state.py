@@ -237,7 +237,7 @@ def holds_both_lanes(view, state, i):
 def reserve_ahead(view, state, i, cell, direction):
     """Reserve the lane of robot i in the cell that it enters, or both if it stands across there."""
     reserve(state, resource_in(view, cell, direction), i)
-    if is_across(view, state, i, cell, direction):
+    if state.lanes and is_across(view, state, i, cell, direction):
         reserve(state, resource_in(view, cell, direction ^ 2), i)
 
 

@@ -58,7 +58,8 @@ def push(view, state, first):
     depth = 1
     while depth:
         i = np.int64(state.stack[U(depth - 1)])
-        give_lanes_back(view, state, i)
+        if state.lanes:
+            give_lanes_back(view, state, i)
         pushed = take_option(view, state, i, depth)
         if pushed == SETTLED:
             return True
@@ -86,7 +87,7 @@ def take_option(view, state, i, depth):
             return FAILED
         state.option_next[U(i)] = place + 1
         if option == STAY_OPTION:
-            if waits_in_vain_to_turn(view, state, i):
+            if state.lanes and waits_in_vain_to_turn(view, state, i):
                 continue
             comer = reserver_of(state, own_resource(view, i))
             if comer == NIL or comer == i:
@@ -94,7 +95,7 @@ def take_option(view, state, i, depth):
                 return SETTLED
             continue
         turns = turns_to(view, i, option) > 0
-        if turns and is_for_two(view, cell):
+        if state.lanes and turns and is_for_two(view, cell):
             in_way = clear_lane(view, state, i, cell, np.int64(view.robots.travel[U(i)]) ^ 2)
             if in_way == FAILED:
                 continue
@@ -121,14 +122,14 @@ def take_option(view, state, i, depth):
             continue
         if closes_ring(view, state, i, resource) and not may_rotate(view, state, depth):
             continue
-        if is_across(view, state, i, to, option):
+        if state.lanes and is_across(view, state, i, to, option):
             in_way = clear_lane(view, state, i, to, option ^ 2)
             if in_way == FAILED:
                 continue
             if in_way != IS_EMPTY:
                 return in_way
         reserve_ahead(view, state, i, to, option)
-        if turns:
+        if state.lanes and turns:
             reserve_other_lane(view, state, i)
         state.next[U(i)] = to
         if holder != NIL and holder != i and state.mode[U(holder)] == MODE_UNDECIDED:
@@ -205,7 +206,7 @@ def stay(view, state, i):
 def would_swap(view, state, i, to, holder):
     """Whether robot i and a robot that moves from this cell into its own would swap cells."""
     cell = np.int64(view.robots.cell[U(i)])
-    if state.rings and is_for_two(view, cell) and is_for_two(view, to):
+    if state.lanes and state.rings and is_for_two(view, cell) and is_for_two(view, to):
         return False  # each has its lane
     if holder != NIL and state.mode[U(holder)] != MODE_UNDECIDED and state.next[U(holder)] == cell:
         return True

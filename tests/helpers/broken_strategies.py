@@ -212,10 +212,10 @@ def take_some_order(view, batch, out, workspace, is_last):  # type: ignore[no-un
         elif batch.reason[k] != REASON_PERIODIC:
             chosen, least = -1, highest_priority(view, out, i)
             for order in range(view.clock.first_open, view.clock.known_orders):
-                is_known = chosen >= 0 and not is_last
-                if not is_known and view.orders.priority[order] >= least:
-                    if is_open(view, out, i, order) and can_do(view, i, order):
-                        chosen = order
+                if (chosen >= 0 and not is_last) or view.orders.priority[order] < least:
+                    continue
+                if is_open(view, out, i, order) and can_do(view, i, order):
+                    chosen = order
             if chosen < 0:
                 out.command[k] = CMD_PARK
             else:

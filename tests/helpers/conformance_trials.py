@@ -19,7 +19,7 @@ import time
 import venv
 from pathlib import Path
 
-from automaton.conformance import CheckRequest, Children, Verdict, checked
+from automaton.conformance import FAILS, CheckRequest, Children, Verdict, checked
 from automaton.conformance.new_project import LAYERS, write_project
 from automaton.strategy.lookup import NO_STRATEGY, names
 

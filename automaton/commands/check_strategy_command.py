@@ -125,7 +125,7 @@ def keep(folder: Path, request: CheckRequest, verdict: Verdict) -> None:
             choice: Any = name
             if request.parameters:
                 choice = {"name": name, **request.parameters}
-            strategies = {**document["strategy"], verdict.layer: choice}
+            strategies = {**document.get("strategy", {}), verdict.layer: choice}
             file = folder / f"case-{case}.yaml"
             content = {"name": f"case-{case}", **document, "strategy": strategies}
             file.write_text(yaml.dump(content, Dumper=PictureDumper, sort_keys=False))

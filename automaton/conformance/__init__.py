@@ -346,7 +346,9 @@ class StrategyCheck:
             if self.request.wants(check) and numbers:
                 self.cases[check] = len(numbers)
                 tasks += self.of(check, numbers)
-        self.progress(f"{count(len(tasks), 'run')} of {', '.join(chosen)}")
+        if tasks:
+            names = ", ".join(dict.fromkeys(task["check"] for task in tasks))
+            self.progress(f"{count(len(tasks), 'run')} for {names}")
         halves = [tasks[::2], tasks[1::2]]
         for half, replies in zip(halves, self.children.side_by_side(halves), strict=True):
             for task, reply in zip(half, replies, strict=True):

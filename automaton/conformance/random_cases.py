@@ -71,16 +71,15 @@ def with_strategy(document: Document, layer: str, strategy: Any) -> Resolved:
     InputError, the first refusal, if the strategy refuses the scenario.
     """
     beside = PARTNERS[layer]
-    drawn = document["strategy"]
-    if drawn[beside] == "none":
-        names: tuple[str, ...] = ("none",)
-    else:
+    drawn = {**document.get("strategy", {}), layer: strategy}
+    choices = [drawn]
+    if drawn.get(beside, "none") != "none":
         more = ("auction",) if beside == "allocation" else ()
-        names = tuple(dict.fromkeys((drawn[beside], *OTHERS[beside], *more)))
+        choices += [{**drawn, beside: name} for name in (*OTHERS[beside], *more)]
     refusal = None
-    for name in names:
+    for choice in choices:
         try:
-            return resolve({**document, "strategy": {**drawn, layer: strategy, beside: name}})
+            return resolve({**document, "strategy": choice})
         except InputError as error:
             refusal = refusal or error
     assert refusal is not None

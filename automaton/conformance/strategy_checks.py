@@ -304,7 +304,7 @@ def odd_case(document: dict[str, Any], number: int) -> dict[str, Any]:
     weak = {"name": "weak", "robots": (robots + 1) // 2, "payload": 1}
     strong = {"name": "strong", "robots": robots // 2}
     kinds = [weak, strong] if robots > 1 else [strong | {"robots": 1}]
-    orders = {**document["orders"], "weight": {"from": 1, "to": 3}}
+    orders = {**document.get("orders", {}), "weight": {"from": 1, "to": 3}}
     return {**document, "fleet": {**fleet, "types": kinds}, "orders": orders}
 
 

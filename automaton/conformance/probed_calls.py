@@ -23,7 +23,7 @@ from automaton.engine.visibility import is_visible, mask_world
 from automaton.strategy.contract import Strategy
 
 REPLAYED_CALLS = 150  # calls of a run that are replayed to a new object
-EMPTY_CALLS = 20  # calls without robots, whose time is that of entering compiled code
+EMPTY_CALLS = 200  # calls without robots, whose time is that of entering compiled code
 
 
 class CallFault(NamedTuple):

@@ -1,4 +1,4 @@
-"""Sixteen strategies, each of which breaks one promise of a strategy; its name says which."""
+"""Strategies that each break one promise of a strategy: sixteen in Python, two compiled."""
 
 from __future__ import annotations
 
@@ -12,8 +12,20 @@ from automaton.strategy import orders
 from automaton.strategy.api import (
     CMD_PARK,
     CMD_TAKE_ORDER,
+    FIXED,
     REASON_PERIODIC,
+    SCRATCH,
+    Array,
     Strategy,
+    Struct,
+    can_do,
+    field,
+    highest_priority,
+    is_open,
+    kernel,
+    place_load,
+    places_load,
+    take_order,
 )
 
 
@@ -178,3 +190,63 @@ def simulation_in_a_frame() -> Any:
                 return one
         frame = frame.f_back
     raise LookupError("no simulation")
+
+
+# Compiled; conformance_trials.py checks them.
+
+
+class Marks(Struct):
+    """What the kernels remember."""
+
+    last: Array = field("(2,) int64", "calls so far")
+    calls: Array = field("(1,) int64", "calls so far, not copied to branches", role=SCRATCH)
+
+
+@kernel
+def take_some_order(view, batch, out, workspace, is_last):  # type: ignore[no-untyped-def]
+    """Every robot takes the first open order, or the last one."""
+    for k in range(batch.count):
+        i = batch.robot[k]
+        if places_load(batch.reason[k]):
+            place_load(view, out, workspace, k, i, FIXED)
+        elif batch.reason[k] != REASON_PERIODIC:
+            chosen, least = -1, highest_priority(view, out, i)
+            for order in range(view.clock.first_open, view.clock.known_orders):
+                if (chosen >= 0 and not is_last) or view.orders.priority[order] < least:
+                    continue
+                if is_open(view, out, i, order) and can_do(view, i, order):
+                    chosen = order
+            if chosen < 0:
+                out.command[k] = CMD_PARK
+            else:
+                take_order(view, out, k, i, chosen)
+
+
+@kernel
+def count_outside(view, batch, decisions, memory, workspace):  # type: ignore[no-untyped-def]
+    state = Marks.of(memory)
+    state.last[-1] += 1
+    take_some_order(view, batch, decisions.allocation, workspace, False)
+
+
+@kernel
+def alternate(view, batch, decisions, memory, workspace):  # type: ignore[no-untyped-def]
+    state = Marks.of(memory)
+    state.calls[0] += 1
+    take_some_order(view, batch, decisions.allocation, workspace, state.calls[0] % 2 == 0)
+
+
+class OutsideIndex(Strategy):
+    """jit: an index below 0."""
+
+    layer = "allocation"
+    compiled = count_outside
+
+    def reset(self, view: Any) -> Struct:
+        return Marks.sized()
+
+
+class ScratchMemory(OutsideIndex):
+    """branches: it remembers in scratch, which is not copied."""
+
+    compiled = alternate

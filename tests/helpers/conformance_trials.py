@@ -2,10 +2,12 @@
 
     python tests/helpers/conformance_trials.py shipped [FLOORS [LAYER:NAME ...]]
     python tests/helpers/conformance_trials.py projects [FOLDER]
+    python tests/helpers/conformance_trials.py compiled
 
 `shipped` prints the table of docs/reference/conformance.md (40 floors: at most 90 s on two idle
 cores). `projects` writes all ten projects and, for each in a fresh environment, installs it, runs its
-tests, `list`, `run` and `check-strategy --floors 50`. The exit code is 1 if one fails.
+tests, `list`, `run` and `check-strategy --floors 50`. `compiled` checks that the compiled strategies of
+broken_strategies.py are named by their own checks. The exit code is 1 if one fails.
 """
 
 from __future__ import annotations
@@ -17,7 +19,7 @@ import time
 import venv
 from pathlib import Path
 
-from automaton.conformance import CheckRequest, Children, Verdict, checked
+from automaton.conformance import FAILS, CheckRequest, Children, Verdict, checked
 from automaton.conformance.new_project import LAYERS, write_project
 from automaton.strategy.lookup import NO_STRATEGY, names
 
@@ -88,10 +90,23 @@ def projects(parent: Path) -> int:
     return 1 if failed else 0
 
 
+def compiled() -> int:
+    """Check the compiled strategies that break a promise."""
+    failed = 0
+    for name, check in {"OutsideIndex": "jit", "ScratchMemory": "branches"}.items():
+        verdict = checked(CheckRequest(f"broken_strategies:{name}", 12))
+        named = [one.name for one in verdict.checks if one.verdict == FAILS]
+        print("\n".join(verdict.lines()), end="\n\n")
+        failed += named != [check]
+    return int(failed > 0)
+
+
 def main(what: str, *more: str) -> int:
     """Do what the first argument says."""
     if what == "shipped":
         return shipped(int(more[0]) if more else FLOORS, more[1:])
+    if what == "compiled":
+        return compiled()
     with tempfile.TemporaryDirectory() as folder:
         return projects(Path(more[0]) if more else Path(folder))
 

@@ -44,7 +44,7 @@ from automaton.world.resolve import resolve
 STEPPINGS: Final = ("tick", "decision")
 AUTORESETS: Final = ("next_step", "same_step", "disabled")
 MAX_RADIUS: Final = 15
-OBSERVED: Final = ("observations", "features")
+VIEW_NAMES: Final = ("observations", "features")
 MAX_ACTION: Final = 127  # in a log; higher ones are not allowed either
 Settings = Sequence[str]
 
@@ -151,7 +151,7 @@ class Environment:
         if features:
             shapes["features"] = (*each, FEATURE_COUNT), "float32"
         if self.autoreset == "same_step":
-            views = {name: one for name, one in shapes.items() if name in OBSERVED}
+            views = {name: one for name, one in shapes.items() if name in VIEW_NAMES}
             shapes |= {f"final_{name}": one for name, one in views.items()}
         return shapes
 

@@ -90,6 +90,16 @@ COMMANDS_BY_SUBJECT = {  # {name: (module with add_arguments(parser) and run(arg
             "train a predictor of traffic (needs fleet-automaton[learn])",
         ),
     },
+    "strategies": {
+        "check-strategy": (
+            "automaton.commands.check_strategy_command",
+            "check a strategy on random floors",
+        ),
+        "new-strategy": (
+            "automaton.commands.new_strategy_command",
+            "write a project with a strategy of your own",
+        ),
+    },
     "this machine": {
         "compile": (
             "automaton.commands.compile_command",

@@ -20,6 +20,7 @@ from docs_pages import page
 from automaton.bench.measurement import MeasuredFigure
 from automaton.commands import COMMANDS as ALL_COMMANDS
 from automaton.commands import main
+from automaton.conformance import Verdict
 
 COMMANDS = ("list", "check goods-mini", "schema", "run goods-mini --until 20", "--help")
 
@@ -88,6 +89,8 @@ LINES = {
     "list": "list",
     "compile": "compile crossing",
     "bench": "bench --only step --repeat 1",
+    "check-strategy": "check-strategy allocation:first-come",
+    "new-strategy": "new-strategy mine-first --to new-STREAM",
 }
 LACKS_EXTRA = {"train": "torch"}
 STUDY = "name: small\nscenario: crossing\npoints: [{}]\nreplications: 2\n"
@@ -166,11 +169,14 @@ def test_a_command_ends_as_its_row_says(
         end_at_once(monkeypatch)
     if command == "bench":  # nothing is measured: that takes seconds
         monkeypatch.setattr("automaton.commands.bench_command.measure", measure_nothing)
+    if command == "check-strategy":  # no process is started: that takes seconds
+        verdict = Verdict("first-come", "allocation", True, 0, 0, 0, (), {})
+        monkeypatch.setattr("automaton.commands.check_strategy_command.checked", lambda *_: verdict)
     errors = io.StringIO()
     with standard_output(stream) as output, monkeypatch.context() as patch:
         patch.setattr(sys, "stdout", output)
         patch.setattr(sys, "stderr", errors)
-        code = main(LINES[command].split())
+        code = main(LINES[command].replace("STREAM", stream).split())
     assert code == int(rows_of_the_page()[command][STREAMS.index(stream)]), errors.getvalue()
     said = "automaton: standard output cannot be written: no space left on device\n"
     assert (said in errors.getvalue()) == (code == 2)

@@ -38,6 +38,7 @@ ONLY_READ: Final = {
     "streets": "test_street_search",
     "bench": "test_bench",
     "compile": "test_compile_command",
+    "check-strategy": "test_conformance",
     "report --plots": "test_report",
     "watch --reload": "test_app_reload",
     "reproduce tabletop": "test_reproduce_tabletop",

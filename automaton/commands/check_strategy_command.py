@@ -1,0 +1,134 @@
+"""Check a strategy on random floors.
+
+Exit code 0: it conforms; 1: it does not; 2: bad input.
+"""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from automaton.commands.arguments import add_json_argument, note, print_json, whole
+from automaton.conformance import CHECKS, FAILS, CheckRequest, Verdict, checked
+from automaton.documents.text_output import terminal_width
+from automaton.errors import InputError
+from automaton.scenario.document import parse
+from automaton.scenario.reading import document_of
+
+SCENARIO_SEEDS = 10  # runs of a scenario that replaces the random floors
+MAX_FLOORS = 100_000
+
+
+def seconds(text: str) -> float:
+    """The type of a time limit."""
+    try:
+        limit = float(text)
+    except ValueError:
+        limit = 0.0
+    if not 0 < limit <= 86_400:
+        raise argparse.ArgumentTypeError(f"'{text}' is not a number of seconds above 0")
+    return limit
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """The arguments of `automaton check-strategy`."""
+    add = parser.add_argument
+    text = "the class of a strategy, MODULE:CLASS, or LAYER:NAME of `automaton list`"
+    add("strategy", metavar="STRATEGY", help=text)
+    text = f"check N random floors (default: 200; with --scenario {SCENARIO_SEEDS} seeds)"
+    add("--floors", type=whole("a number of floors", 1, MAX_FLOORS), metavar="N", help=text)
+    text = "draw other floors (default: 1)"
+    add("--seed", type=whole("a seed", 0, 2**63 - 1), default=1, metavar="N", help=text)
+    add("--only", metavar="CHECK", help=f"make only this check: {', '.join(CHECKS)}")
+    text = "check only the floor of this number, such as one that has failed"
+    add("--case", type=whole("a case", 0, MAX_FLOORS), metavar="K", help=text)
+    text = "check with a scenario instead of random floors"
+    add("--scenario", metavar="NAME", help=text)
+    text = "parameters of the strategy, such as '{choice: 5}'"
+    add("--parameters", metavar="YAML", help=text)
+    text = "write each floor that fails into this folder, as a scenario"
+    add("--keep", type=Path, metavar="DIR", help=text)
+    text = "fail a strategy that takes longer for a decision, in seconds (default: 60)"
+    add("--strategy-timeout", type=seconds, default=60.0, metavar="S", help=text)
+    add_json_argument(parser)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Check and print the verdict."""
+    document = None if args.scenario is None else document_of(args.scenario).data
+    default = 200 if document is None else SCENARIO_SEEDS
+    request = CheckRequest(
+        strategy=args.strategy,
+        floors=args.floors or default,
+        seed=args.seed,
+        only=args.only,
+        case=args.case,
+        scenario=args.scenario,
+        document=document,
+        parameters=parameters_of(args.parameters),
+        timeout=args.strategy_timeout,
+    )
+    verdict = checked(request, note)
+    if args.keep is not None:
+        keep(args.keep, request, verdict)
+    if args.json:
+        print_json(verdict.as_json())
+    else:
+        print("\n".join(verdict.lines(terminal_width())))
+    return 0 if verdict.conforms else 1
+
+
+def parameters_of(text: str | None) -> dict[str, Any] | None:
+    """The parameters as YAML. Raises InputError."""
+    if text is None:
+        return None
+    values, _ = parse(text, "--parameters")
+    if not isinstance(values, dict):
+        raise InputError("must be a mapping such as {choice: 5}", f"--parameters {text}")
+    return values
+
+
+class PictureDumper(yaml.SafeDumper):
+    """Writes texts of several lines, such as pictures of floors, as they are."""
+
+
+PictureDumper.add_representer(
+    str,
+    lambda dumper, text: dumper.represent_scalar(
+        "tag:yaml.org,2002:str", text, style="|" if "\n" in text else None
+    ),
+)
+
+
+def keep(folder: Path, request: CheckRequest, verdict: Verdict) -> None:
+    """Write the first floor of each failing check as a scenario. Raises InputError."""
+    from automaton.conformance.random_cases import random_case
+
+    failed = sorted(
+        {
+            one.case
+            for one in verdict.checks
+            if one.verdict == FAILS and one.case is not None and one.name != "delivery"
+        }
+    )
+    _, _, name = request.strategy.rpartition(f"{verdict.layer}:")
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        for case in failed:
+            if request.document is not None:
+                document = {**request.document, "seed": request.seed + case}
+            else:
+                document = random_case(request.seed, case, verdict.layer)
+            choice: Any = name
+            if request.parameters:
+                choice = {"name": name, **request.parameters}
+            strategies = {**document["strategy"], verdict.layer: choice}
+            file = folder / f"case-{case}.yaml"
+            content = {"name": f"case-{case}", **document, "strategy": strategies}
+            file.write_text(yaml.dump(content, Dumper=PictureDumper, sort_keys=False))
+            note(f"wrote {file}")
+    except OSError as error:
+        raise InputError(f"cannot be written: {error.strerror}", str(folder)) from error

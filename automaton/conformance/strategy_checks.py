@@ -1,0 +1,558 @@
+"""The checks of a strategy, each on one case: what a child process runs.
+
+A check returns its findings; the digests of a run are compared by `trace`, at every 50th tick.
+"""
+
+from __future__ import annotations
+
+import gc
+import importlib
+import os
+import threading
+import time
+import traceback
+import tracemalloc
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from random import Random
+from typing import Any, Final, NamedTuple
+
+import msgspec
+import numpy as np
+
+from automaton.conformance.probed_calls import (
+    GuardProbe,
+    Probe,
+    SightProbe,
+    WriteProbe,
+    guard_states,
+)
+from automaton.conformance.random_cases import TICKS, random_case, with_strategy
+from automaton.errors import InputError
+from automaton.runs.illegal_decisions import illegal_decisions
+from automaton.runs.simulation import Simulation
+from automaton.runs.state_copy import captured, restore
+from automaton.strategy import lookup
+from automaton.strategy.patience import NoAnswer
+
+STEP: Final = 50  # ticks between compared digests
+BRANCH_TICK: Final = 150
+JIT_TICKS: Final = 60
+MEMORY_TICKS: Final = (1_000, 3_000)
+TRACED_LIMIT: Final = 64 << 10
+RESIDENT_LIMIT: Final = 1 << 20
+CROWDS: Final = (10, 20, 40, 80)  # robots in the measurement of time
+STORAGE_ORDERS: Final = 3
+MAX_OVERTIMES: Final = 2  # decisions that take too long, until the strategy is not asked any more
+OVERTIME_S: Final = 2.0  # a decision that the limit has not ended after so long ends the process
+LONGEST_RAISED: Final = 200  # characters of an exception
+
+
+class Failure(NamedTuple):
+    """What a check reports about a case; tick and robot: NIL if unknown."""
+
+    check: str
+    text: str
+    times: int = 1
+    tick: int = -1
+    robot: int = -1
+    is_note: bool = False
+
+
+class StrategyRaisedError(Exception):
+    """The strategy has raised something; the text says what and where."""
+
+
+class Subject:
+    """A strategy and the cases of a check: a name, its layer, its parameters, a seed, a scenario."""
+
+    def __init__(self, request: dict[str, Any]) -> None:
+        self.name = request["strategy"]
+        self.layer = request["layer"] or layer_of(self.name)
+        self.parameters = request.get("parameters") or {}
+        self.seed, self.scenario = request["seed"], request.get("scenario")
+        self.patience = request["timeout"]
+        self.overtimes = 0
+        self.kind = lookup.load(self.layer, self.name)
+
+    @property
+    def choice(self) -> Any:
+        """The strategy as a scenario names it."""
+        return {"name": self.name, **self.parameters} if self.parameters else self.name
+
+    @property
+    def is_compiled(self) -> bool:
+        """Whether its decisions are compiled."""
+        return self.kind.compiled is not None
+
+    def document(self, number: int) -> dict[str, Any]:
+        """The content of a case."""
+        if self.scenario is not None:
+            return {**self.scenario, "seed": self.seed + number}
+        return random_case(self.seed, number, self.layer)
+
+    def resolved(self, document: dict[str, Any]) -> Any:
+        """The case with the strategy. Raises InputError if it is refused."""
+        return with_strategy(document, self.layer, self.choice)
+
+    def run(self, resolved: Any, probe: type[Probe] | None = None, storage: Any = None) -> Any:
+        """A new run of a case; `probe`: the class of a probe around the strategy."""
+        with self.raising():
+            if probe is None:
+                return Simulation(resolved, storage=storage, patience=self.patience)
+            strategies = []
+            for layer, choice in resolved.choices[:5]:
+                one: Any = None
+                if choice.name != lookup.NO_STRATEGY:
+                    one = lookup.load(layer, choice.name)(choice.parameters)
+                strategies.append(probe(one) if layer == self.layer else one)
+            run = Simulation(resolved, strategies=strategies, patience=self.patience)
+            self.probe_of(run).run = run
+            return run
+
+    def probe_of(self, run: Any) -> Any:
+        """The strategy of the layer in a run."""
+        return next(one for one in run.strategies if one is not None and one.layer == self.layer)
+
+    def go(self, run: Any, until: int) -> None:
+        """Run to a tick. Raises StrategyRaisedError."""
+        with self.raising(), ending_overtime(run, self.patience):
+            run.run(until=until)
+
+    @contextmanager
+    def raising(self) -> Iterator[None]:
+        """Turn what the strategy raises into StrategyRaisedError, with file and line."""
+        try:
+            yield
+        except (InputError, PermissionError):
+            raise
+        except BaseException as error:  # a strategy may raise anything
+            raise StrategyRaisedError(self.described(error)) from error
+
+    def described(self, error: BaseException) -> str:
+        """What was raised and where, in one sentence."""
+        frames = traceback.extract_tb(error.__traceback__)
+        own = [frame for frame in frames if is_foreign(frame.filename)]
+        frame = (own or frames)[-1]
+        first = f"{type(error).__name__}: {error}".split("\n")[0][:LONGEST_RAISED]
+        return f"{first} ({os.path.basename(frame.filename)}:{frame.lineno})"
+
+
+def layer_of(name: str) -> str:
+    """The layer of a class "module:Class". Raises InputError."""
+    module, _, kind = name.partition(":")
+    layer = "allocation"  # the error for what cannot be imported names one
+    with suppress(ImportError):
+        layer = getattr(getattr(importlib.import_module(module), kind, None), "layer", layer)
+    return layer
+
+
+def is_foreign(file: str) -> bool:
+    """Whether a source file belongs neither to this package nor to a library or to Python."""
+    return "/automaton/" not in file and "/lib/python" not in file and "<" not in file
+
+
+@contextmanager
+def ending_overtime(run: Any, patience: float) -> Iterator[None]:
+    """End this process while a decision takes far longer than it may: compiled code cannot be stopped."""
+    over = threading.Event()
+
+    def watch() -> None:
+        last, since = None, time.monotonic()
+        while not over.wait(min(0.5, patience / 4)):
+            now = (run.tick, run._decisions)
+            if now != last:
+                last, since = now, time.monotonic()
+            elif time.monotonic() - since > patience + OVERTIME_S:
+                os._exit(OVERTIME_CODE)
+
+    thread = threading.Thread(target=watch, daemon=True)
+    thread.start()
+    try:
+        yield
+    finally:
+        over.set()
+
+
+OVERTIME_CODE: Final = 97  # exit code of a process that ended itself
+
+
+def trace(subject: Subject, run: Any, last: int = TICKS, every: int = STEP) -> list[list[int]]:
+    """Run on to a tick; the digests of all arrays at every 50th tick."""
+    out = []
+    while run.tick < last and not run.finished:
+        subject.go(run, min(last, (run.tick // every + 1) * every))
+        out.append([run.tick, *map(int, run.digests())])
+    return out
+
+
+def first_difference(subject: Subject, some: Any, other: Any, from_tick: int = 0) -> str:
+    """The first tick and array in which two new runs differ."""
+    from automaton.engine.digest import DIGEST_NAMES
+
+    pairs = zip(trace(subject, some, every=1), trace(subject, other, every=1), strict=False)
+    for one, two in pairs:
+        if one[0] > from_tick and one != two:
+            k = next(k for k, pair in enumerate(zip(one, two, strict=True)) if pair[0] != pair[1])
+            return f"first at tick {one[0]}, in {DIGEST_NAMES[k - 1]}"
+    return "not again when the runs are repeated tick by tick"
+
+
+# Checks of every case.
+
+
+def check_case(subject: Subject, number: int, only: str | None) -> dict[str, Any]:
+    """Legality, repeats, storage and branches on a case; `trace` and `size` are for the parent."""
+    try:
+        resolved = subject.resolved(subject.document(number))
+    except InputError as error:
+        return {"refused": str(error)}
+    run = subject.run(resolved)
+    base = trace(subject, run)
+    failures = list(legality(subject, run, resolved)) if only in (None, "legality") else []
+    again = subject.run(resolved, Probe)
+    if trace(subject, again) != base and only in (None, "repeats"):
+        where = first_difference(subject, subject.run(resolved), subject.run(resolved))
+        failures.append(Failure("repeats", f"two runs in one process differ, {where}"))
+    if only in (None, "storage"):
+        failures += storage(subject, resolved, base, number)
+    if only in (None, "branches"):
+        failures += branches(subject, resolved, base)
+    probe = subject.probe_of(again)
+    cells = int(np.count_nonzero(resolved.floor_plan.drivable))
+    return {
+        "found": failures,
+        "trace": base,
+        "size": cells * resolved.scenario.fleet.robots,
+        "decisions": getattr(probe, "decisions", 0),
+        "is_limited": resolved.scenario.information != "everything",
+    }
+
+
+def legality(subject: Subject, run: Any, resolved: Any) -> Iterator[Failure]:
+    """The illegal decisions of the layer."""
+    illegal = illegal_decisions(run.world, resolved.floor_plan)
+    many = sum(count for layer, _, count in illegal.by_rule if layer == subject.layer)
+    if many:
+        first = next((one for one in illegal.first if one.layer == subject.layer), None)
+        text = "" if first is None else f"{first.words}"
+        tick = -1 if first is None else first.tick
+        robot = -1 if first is None or first.robot is None else first.robot
+        yield Failure("legality", text, many, tick, robot)
+
+
+def storage(subject: Subject, resolved: Any, base: Any, number: int) -> Iterator[Failure]:
+    """The same digests if robots are stored in three other orders."""
+    robots = resolved.scenario.fleet.robots
+    for k in range(STORAGE_ORDERS):
+        order = np.array(Random(f"{number} {k}").sample(range(robots), robots), np.int32)
+        if trace(subject, subject.run(resolved, storage=order)) != base:
+            other = subject.run(resolved, storage=order)
+            where = first_difference(subject, subject.run(resolved), other)
+            yield Failure("storage", f"robots stored in another order change the run, {where}")
+            return
+
+
+def branches(subject: Subject, resolved: Any, base: Any) -> Iterator[Failure]:
+    """The same digests if the run is rebuilt from its arrays at tick 150."""
+    before, after = subject.run(resolved), subject.run(resolved)
+    subject.go(before, BRANCH_TICK)
+    if before.finished:
+        return
+    subject.go(after, 0)
+    state = captured(before.world, before.observation, before.states, [])
+    restore(state, after.world, after.observation, after.states, [])
+    after.update_finished()
+    rest = trace(subject, after)
+    if rest != [row for row in base if row[0] > BRANCH_TICK]:
+        text = "keeps state outside its arrays: branches begin from tick 0"
+        yield Failure("branches", text, is_note=not subject.is_compiled)
+
+
+# Checks of some cases.
+
+
+def survival(subject: Subject, number: int) -> list[Failure]:
+    """Odd cases: one robot; no order; none is free; all down; orders that some robots cannot do."""
+    document = odd_case(subject.document(number), number)
+    try:
+        resolved = subject.resolved(document)
+    except InputError:
+        return []
+    subject.go(subject.run(resolved), TICKS)
+    return []
+
+
+def odd_case(document: dict[str, Any], number: int) -> dict[str, Any]:
+    """One of five odd changes of a case, by its number."""
+    fleet = document["fleet"]
+    robots = fleet["robots"]
+    match number % 5:
+        case 0:
+            fleet = {**fleet, "robots": 1, "types": ()}
+            return {**document, "fleet": fleet}
+        case 1:
+            orders = {"generator": "visits", "count": 1, "mean_interarrival_time": 1_000_000}
+            return {**document, "orders": orders}
+        case 2:
+            return {**document, "durations": {"move": 500, "turn": 500, "pick": 500, "drop": 500}}
+        case 3:
+            down = [{"robot": k, "at": 2 + k % 3} for k in range(robots)]
+            return {**document, "faults": {"list": down, "tow_after": None, "repair_time": None}}
+    weak = {"name": "weak", "robots": (robots + 1) // 2, "payload": 1}
+    strong = {"name": "strong", "robots": robots // 2}
+    kinds = [weak, strong] if robots > 1 else [strong | {"robots": 1}]
+    orders = {**document["orders"], "weight": {"from": 1, "to": 3}}
+    return {**document, "fleet": {**fleet, "types": kinds}, "orders": orders}
+
+
+def writes(subject: Subject, number: int) -> list[Failure]:
+    """Nothing changes but the strategy's rows, state and workspace."""
+    run = subject.run(subject.resolved(subject.document(number)), WriteProbe)
+    subject.go(run, TICKS)
+    return of_probe("writes", subject.probe_of(run))
+
+
+def information(subject: Subject, number: int) -> list[Failure]:
+    """Under limits of information, decisions depend on nothing that is hidden."""
+    resolved = subject.resolved(subject.document(number))
+    if resolved.scenario.information == "everything":
+        return []
+    run = subject.run(resolved, SightProbe)
+    subject.go(run, TICKS)
+    probe = subject.probe_of(run)
+    with subject.raising():
+        probe.replay()
+    return of_probe("information", probe)
+
+
+def of_probe(check: str, probe: Any) -> list[Failure]:
+    """The breaches that a probe has noticed, as one failure."""
+    if not probe.breaches:
+        return []
+    first = probe.breaches[0]
+    return [Failure(check, first.text, len(probe.breaches), first.tick, first.robot)]
+
+
+def jit(subject: Subject, number: int) -> list[list[int]]:
+    """The digests at tick 60; with the JIT off, with guarded arrays."""
+    from automaton.engine.jit.kernel import jit_is_on
+
+    resolved = subject.resolved(subject.document(number))
+    run = subject.run(resolved, Probe if jit_is_on() else GuardProbe)
+    return trace(subject, run, JIT_TICKS, JIT_TICKS)
+
+
+def grown(subject: Subject, number: int) -> list[Failure]:
+    """Memory of a Python strategy between ticks 1,000 and 3,000.
+
+    What grows is measured again, since modules and caches that are loaded once are not leaks.
+    """
+    if not growth(subject, number):
+        return []
+    text = growth(subject, number)
+    return [Failure("memory", text)] if text else []
+
+
+def growth(subject: Subject, number: int) -> str:
+    """How much the memory of a run grows, in words; "" if hardly."""
+    first, last = MEMORY_TICKS
+    document = subject.document(number)
+    document = {**document, "stop": {"when": "never", "max_duration": last}}
+    run = subject.run(subject.resolved(document))
+    subject.go(run, first)
+    tracemalloc.start()
+    try:
+        gc.collect()
+        resident, traced = resident_bytes(), tracemalloc.get_traced_memory()[0]
+        subject.go(run, last)
+        gc.collect()
+        more = tracemalloc.get_traced_memory()[0] - traced
+    finally:
+        tracemalloc.stop()
+    resident = resident_bytes() - resident
+    if more > TRACED_LIMIT:
+        return f"{more >> 10:,} KiB more objects at tick {last:,} than at tick {first:,}"
+    return f"{resident >> 20:,} MiB more at tick {last:,}" if resident > RESIDENT_LIMIT else ""
+
+
+def resident_bytes() -> int:
+    """Resident memory of this process."""
+    with open("/proc/self/statm") as file:
+        return int(file.read().split()[1]) * os.sysconf("SC_PAGE_SIZE")
+
+
+# Checks on floors of their own.
+
+RING: Final = "t...t\n.s.s.\n.....\ns.d.s\nt...t"
+RAILS: Final = "+++++\n+s+s+\n+++++\ns+d+s\n+++++"
+
+
+def delivery(subject: Subject, number: int) -> list[Failure]:
+    """One robot with 5 orders, or 4 robots: something is delivered."""
+    robots = 1 if number % 2 == 0 else 4
+    kinematics = ("omni", "differential", "rail")[number // 2 % 3]
+    floor = open_floor(subject, RAILS if kinematics == "rail" else RING, robots, kinematics)
+    try:
+        resolved = subject.resolved(floor)
+    except InputError:
+        return []
+    run = subject.run(resolved)
+    subject.go(run, floor["stop"]["max_duration"])
+    done = int((run.world.orders.delivered >= 0).sum())
+    if done:
+        return []
+    who = "one robot" if robots == 1 else f"{robots} robots"
+    text = f"{who} ({kinematics}) delivered 0 of {len(run.world.orders.state)} orders"
+    return [Failure("delivery", text + f" in {run.tick:,} ticks")]
+
+
+def open_floor(subject: Subject, picture: str, robots: int, kinematics: str) -> dict[str, Any]:
+    """A small floor on which all can pass, with five or so orders."""
+    document: dict[str, Any] = {
+        "name": "delivery",
+        "layout": {"picture": picture},
+        "fleet": {"robots": robots, "kinematics": kinematics, "start": "random"},
+        "orders": {"generator": "full-shelves"},
+        "strategy": {
+            "zoning": "none",
+            "charging": "none",
+            "allocation": "independent",
+            "routing": "shortest",
+            "right_of_way": "retreat",
+        },
+        "stop": {"when": "delivered", "max_duration": 2_000},
+        "seed": 1,
+    }
+    if subject.layer == "zoning":
+        document["orders"] = {"generator": "stations", "count": 5}
+    if subject.layer == "charging":
+        document["layout"]["picture"] = picture[:2] + "c" + picture[3:]
+        document["battery"] = {"drain": {"move": 0.2}, "charge_rate": 5.0}
+        document["strategy"]["charging"] = "threshold"
+    return document
+
+
+def timing(subject: Subject, number: int) -> dict[str, Any]:
+    """Times of calls on one floor with 10, 20, 40 or 80 robots: [ns of a decision, ...]."""
+    robots = CROWDS[number]
+    row = "t" + "." * 18 + "t"
+    rows = [row if y % 5 == 0 else "." * 20 for y in range(20)]
+    floor = open_floor(subject, "\n".join(rows), robots, "omni")
+    loop = {"closed_loop": {"in_system": robots}}
+    floor["orders"] = {"generator": "stations", "count": 1_000, "arrivals": loop}
+    floor["stop"] = {"when": "never", "max_duration": TICKS}
+    try:
+        run = subject.run(subject.resolved(floor), Probe)
+    except InputError:
+        return {"robots": robots, "ns": []}
+    subject.go(run, TICKS)
+    probe = subject.probe_of(run)
+    memory = run._memory_views[list(run.strategies).index(probe)]
+    arguments = (run.view, run._batch_view, run._decisions_view, memory, run._workspace_view)
+    spare = probe.entering_ns(arguments)
+    ns = [max(0, took - spare) / many for took, many in probe.ns]
+    return {"robots": robots, "ns": [round(one) for one in ns]}
+
+
+def contract(subject: Subject, number: int) -> list[Failure]:
+    """The class, its parameters and what it declares, on a run of the first case."""
+    kind, failures = subject.kind, []
+    if not (kind.__doc__ or "").strip():
+        failures.append(
+            Failure("contract", f"{kind.__name__} has no docstring: `list` shows its line")
+        )
+    try:
+        if not subject.parameters:
+            kind.Parameters()
+    except TypeError as error:
+        failures.append(Failure("contract", f"Parameters have no defaults: {error}"))
+    try:
+        msgspec.json.schema(kind.Parameters)
+    except TypeError as error:
+        failures.append(Failure("contract", f"Parameters have no JSON Schema: {error}"))
+    try:
+        resolved = subject.resolved(subject.document(number))
+    except InputError:
+        return failures
+    try:
+        subject.run(resolved)
+    except InputError as error:
+        failures.append(Failure("contract", str(error)))
+    return failures
+
+
+SOME_CASES: Final = {
+    "contract": contract,
+    "survival": survival,
+    "writes": writes,
+    "information": information,
+    "memory": grown,
+    "delivery": delivery,
+}
+
+
+def answer(subject: Subject, task: dict[str, Any]) -> dict[str, Any]:
+    """Do a task of the parent: a check on a case. What a strategy raises fails `survival`.
+
+    A strategy that has often decided for too long is not asked any more.
+    """
+    check = task["check"]
+    if subject.overtimes >= MAX_OVERTIMES:
+        return {"found": []}
+    try:
+        return done(subject, task, check, task["case"])
+    except StrategyRaisedError as error:
+        subject.overtimes += isinstance(error.__cause__, NoAnswer)
+        name = "jit" if check == "jit" else "survival"
+        return {"found": [Failure(name, str(error))]}
+    except PermissionError as error:
+        return {"found": [Failure("writes", str(error))]}
+    except InputError as error:
+        written = "has written to" in str(error)
+        return {"found": [Failure("writes" if written else "contract", str(error))]}
+
+
+def done(subject: Subject, task: dict[str, Any], check: str, number: int) -> dict[str, Any]:
+    """Do a task."""
+    if check == "case":
+        return check_case(subject, number, task.get("only"))
+    if check == "trace":
+        run = subject.run(subject.resolved(subject.document(number)))
+        return {"trace": trace(subject, run, every=task.get("every", STEP))}
+    if check == "jit":
+        return {"trace": jit(subject, number)}
+    if check == "time":
+        return timing(subject, number)
+    return {"found": SOME_CASES[check](subject, number)}
+
+
+def reply_to(line: str | bytes, subjects: dict[str, Subject]) -> bytes:
+    """The reply to a task, both as JSON; `subjects` keeps the strategies between tasks."""
+    task = msgspec.json.decode(line)
+    key = str([(name, task[name]) for name in ("strategy", "layer", "seed", "parameters")])
+    try:
+        if key not in subjects:
+            subjects[key] = Subject(task)
+        subject = subjects[key]
+        reply = answer(subject, task)
+        reply |= {"layer": subject.layer, "compiled": subject.is_compiled}
+    except InputError as error:
+        reply = {"bad_input": str(error)}
+    return msgspec.json.encode(reply)
+
+
+def work() -> None:
+    """Read tasks as lines of JSON, and answer each with a line; the body of a child process."""
+    import sys
+
+    from automaton.engine.jit.kernel import jit_is_on
+
+    replies = os.fdopen(os.dup(1), "wb")
+    os.dup2(2, 1)  # what a strategy prints goes to stderr
+    if not jit_is_on():
+        guard_states()
+    subjects: dict[str, Subject] = {}
+    for line in sys.stdin:
+        replies.write(reply_to(line, subjects) + b"\n")
+        replies.flush()

@@ -1,0 +1,129 @@
+"""`check-strategy`: each of 16 broken strategies fails the check that is meant for it."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+import tomllib
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from automaton.conformance import CHECKS, FAILS, CheckRequest, Children, checked
+from automaton.conformance.new_project import LAYERS, write_project
+from automaton.conformance.random_cases import KINEMATICS, random_case
+from automaton.conformance.strategy_checks import Subject, reply_to
+from automaton.errors import InputError
+
+BROKEN = {  # class: its check, and the number of a case in which it is noticed
+    "NoDocstring": ("contract", 0),
+    "WrongPeriod": ("contract", 0),
+    "WrongState": ("contract", 0),
+    "Illegal": ("legality", 0),
+    "Raises": ("survival", 0),
+    "Endless": ("survival", 0),
+    "Chance": ("repeats", 0),
+    "ByStorage": ("storage", 0),
+    "WritesWorld": ("writes", 0),
+    "WritesOtherLayers": ("writes", 0),
+    "Grows": ("memory", 4),
+    "Peeks": ("information", 2),
+    "Gossips": ("information", 2),
+    "Idle": ("delivery", 0),
+}
+
+
+class Here:
+    """Does the tasks of a child in this process, where everything is compiled."""
+
+    def __init__(self) -> None:
+        self.subjects: dict[str, Subject] = {}
+
+    def ask(self, task: dict[str, Any]) -> dict[str, Any]:
+        reply: dict[str, Any] = json.loads(reply_to(json.dumps(task), self.subjects))
+        return reply
+
+
+class AllHere(Children):
+    """Children that do their tasks here."""
+
+    def __init__(self) -> None:
+        self.pair: Any = [Here(), Here()]
+        self.plain: Any = None
+
+    def side_by_side(self, tasks: Iterable[list[dict[str, Any]]]) -> list[list[dict[str, Any]]]:
+        pairs = zip(self.pair, tasks, strict=True)
+        return [[child.ask(task) for task in some] for child, some in pairs]
+
+
+def failing(name: str, check: str, case: int, children: Any) -> list[str]:
+    timeout = 0.2 if name == "Endless" else 60
+    request = CheckRequest(f"broken_strategies:{name}", only=check, case=case, timeout=timeout)
+    verdict = checked(request, children=children)
+    return [one.name for one in verdict.checks if one.verdict == FAILS]
+
+
+@pytest.mark.parametrize("name", BROKEN)
+def test_a_broken_strategy_fails_its_own_check(name: str) -> None:
+    check, case = BROKEN[name]
+    assert failing(name, check, case, AllHere()) == [check]
+
+
+def test_hashes_and_a_crash_are_noticed_between_processes() -> None:
+    with Children() as children:
+        assert failing("HashOrder", "repeats", 0, children) == ["repeats"]
+        task = {"layer": None, "strategy": "broken_strategies:Dies", "seed": 1, "timeout": 60}
+        task |= {"scenario": None, "parameters": None, "check": "contract", "case": 0}
+        reply = children.pair[0].ask({**task, "check": "case"})
+        assert reply["found"][0][:2] == ["survival", "the process died by SIGKILL"]
+
+
+def test_a_sound_strategy_conforms() -> None:
+    verdict = checked(CheckRequest("broken_strategies:Sound", case=2), children=AllHere())
+    assert verdict.conforms and verdict.refused == 0 and verdict.decisions > 0
+    names = [one.name for one in verdict.checks]
+    assert names == list(CHECKS) and verdict.lines()[2].startswith("contract     ok")
+
+
+def test_a_failure_says_where_and_how_to_repeat_it() -> None:
+    request = CheckRequest("broken_strategies:Illegal", only="legality", case=0)
+    check = checked(request, children=AllHere()).checks[0]
+    assert (check.case, check.tick, check.robot) == (0, 1, 0)
+    assert "first: case 0, tick 1, robot 0: CMD_TAKE_ORDER" in check.text
+    assert check.command.endswith("--only legality --case 0")
+
+
+def test_cases_have_addresses_and_every_kind_of_robot() -> None:
+    cases = [random_case(1, number) for number in range(3)]
+    assert tuple(case["fleet"]["kinematics"] for case in cases) == KINEMATICS
+    assert random_case(1, 2) == cases[2] != random_case(2, 2)
+
+
+@pytest.mark.parametrize("compiled", [False, True])
+@pytest.mark.parametrize("layer", LAYERS)
+def test_a_new_project_can_be_read_and_is_well_formed(
+    layer: str, compiled: bool, tmp_path: Path
+) -> None:
+    files = write_project("mine-first", layer, compiled, tmp_path)
+    for file in files:
+        if file.suffix == ".py":
+            compile(file.read_text(), str(file), "exec")
+    command = [sys.executable, "-m", "ruff"]
+    for action in (["check", "--select", "E,F,I,UP,B,SIM"], ["format", "--check"]):
+        subprocess.run([*command, *action, str(tmp_path)], check=True, capture_output=True)
+    point = tomllib.loads((tmp_path / "mine-first" / "pyproject.toml").read_text())
+    points = point["project"]["entry-points"]["automaton.strategies"]
+    assert points == {f"{layer}.mine-first": "mine_first.strategy:MineFirst"}
+
+
+@pytest.mark.parametrize(
+    ("name", "said"),
+    [("Mine", "lower-case"), ("json", "module of Python"), ("pibt", "right of way")],
+)
+def test_a_name_that_is_taken_writes_nothing(name: str, said: str, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=said):
+        write_project(name, "allocation", False, tmp_path)
+    assert list(tmp_path.iterdir()) == []

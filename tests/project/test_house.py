@@ -19,7 +19,7 @@ SHORT = 60  # lines
 # What there is. A change that makes one of these larger needs a reason; one that makes it smaller
 # writes the new number here.
 MOST_FILES = 497
-MOST_FOLDERS = 50
+MOST_FOLDERS = 51
 MOST_SHORT_FILES = 26
 LONGEST_FILE = 650
 LONGEST_CHAIN = 24  # of files that import each other in a row

@@ -13,7 +13,8 @@ from automaton.engine.jit.structs import registered_address
 from automaton.engine.random_numbers import STREAM_EPISODES, random_bits_of_each
 from automaton.engine.state import NIL, ORDER_LIST, Array
 from automaton.environments.external import text_of_actions
-from automaton.environments.resets import Copies, Restorer, restored
+from automaton.environments.reset_kernels import Copies
+from automaton.environments.resets import Restorer, restored
 from automaton.environments.stepped_worlds import (
     EXTERNAL,
     ActionLog,

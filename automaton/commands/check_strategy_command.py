@@ -12,7 +12,7 @@ from typing import Any
 import yaml
 
 from automaton.commands.arguments import add_json_argument, note, print_json, whole
-from automaton.conformance import CHECKS, FAILS, CheckRequest, Verdict, checked
+from automaton.conformance import CONFORMANCE_CHECKS, FAILS, CheckRequest, Verdict, checked
 from automaton.documents.text_output import terminal_width
 from automaton.errors import InputError
 from automaton.scenario.document import parse
@@ -42,7 +42,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("--floors", type=whole("a number of floors", 1, MAX_FLOORS), metavar="N", help=text)
     text = "draw other floors (default: 1)"
     add("--seed", type=whole("a seed", 0, 2**63 - 1), default=1, metavar="N", help=text)
-    add("--only", metavar="CHECK", help=f"make only this check: {', '.join(CHECKS)}")
+    add("--only", metavar="CHECK", help=f"make only this check: {', '.join(CONFORMANCE_CHECKS)}")
     text = "check only the floor of this number, such as one that has failed"
     add("--case", type=whole("a case", 0, MAX_FLOORS), metavar="K", help=text)
     text = "check with a scenario instead of random floors"

@@ -24,7 +24,7 @@ from automaton.documents.text_output import wrapped
 from automaton.errors import InputError, nearest
 from automaton.units import count
 
-CHECKS: Final = {
+CONFORMANCE_CHECKS: Final = {
     "contract": "class, parameters, declarations and reset",
     "legality": "decisions that break no rule",
     "survival": "nothing raised, no crash, no endless decision",
@@ -47,7 +47,7 @@ OVERTIME_CODE: Final = 97  # of automaton.conformance.strategy_checks
 MAX_DEATHS: Final = 2  # of a child process, until the strategy is not asked any more
 DELIVERY_FLOORS: Final = 6
 OK, FAILS, NOTE, LEFT_OUT = "ok", "FAILS", "note", "left out"
-BODY: Final = (
+CHILD_PROGRAM: Final = (
     "import sys, json; sys.path[:] = json.loads(sys.argv[1]); "
     "from automaton.conformance.strategy_checks import work; work()"
 )
@@ -121,7 +121,7 @@ class Verdict(NamedTuple):
         head += f"{count(self.cases, 'case')}, {self.refused} refused, "
         out = [*wrapped(head + count(self.decisions, "decision"), width), ""]
         for one in self.checks:
-            what = one.text or f"{CHECKS[one.name]} ({count(one.cases, 'case')})"
+            what = one.text or f"{CONFORMANCE_CHECKS[one.name]} ({count(one.cases, 'case')})"
             out += wrapped(what, width, f"{one.name:12} {one.verdict:9} ", " " * 23)
             if one.command:
                 out.append(f"    {one.command}")
@@ -180,7 +180,7 @@ class Child:
             return {"found": []}
         if self.process is None:
             self.process = subprocess.Popen(
-                [sys.executable, "-c", BODY, json.dumps(sys.path)],
+                [sys.executable, "-c", CHILD_PROGRAM, json.dumps(sys.path)],
                 stdin=subprocess.PIPE,
                 stdout=subprocess.PIPE,
                 text=True,
@@ -432,7 +432,9 @@ class StrategyCheck:
         ns: dict[str, float | None] = {"median": None, "p99": None, "slope": None}
         if wants("time") and self.request.case is None:
             ns = self.times()
-        checks = [self.result(name) for name in CHECKS if wants(name) and name != "time"]
+        checks = [
+            self.result(name) for name in CONFORMANCE_CHECKS if wants(name) and name != "time"
+        ]
         raised = self.found.get("survival")
         if self.request.only not in (None, "survival") and raised:
             checks.append(self.result("survival"))
@@ -470,9 +472,11 @@ def checked(
     children: Children | None = None,
 ) -> Verdict:
     """Check a strategy. Raises InputError if it cannot be loaded, or refuses all cases."""
-    if request.only is not None and request.only not in CHECKS:
-        hint = nearest(request.only, CHECKS)
-        raise InputError(f"unknown check {request.only!r}{hint}; there are {', '.join(CHECKS)}")
+    if request.only is not None and request.only not in CONFORMANCE_CHECKS:
+        hint = nearest(request.only, CONFORMANCE_CHECKS)
+        raise InputError(
+            f"unknown check {request.only!r}{hint}; there are {', '.join(CONFORMANCE_CHECKS)}"
+        )
     if children is not None:
         return StrategyCheck(request, children, progress).verdict()
     with Children() as own:

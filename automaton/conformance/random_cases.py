@@ -18,7 +18,7 @@ from automaton.world.resolve import Resolved, resolve
 Document: TypeAlias = dict[str, Any]  # the content of a scenario file
 Rows = list[list[str]]
 
-TICKS: Final = 300  # of a run
+CASE_TICKS: Final = 300  # of a run
 CROWD_EVERY: Final = 20  # every so many cases one has a crowd
 CROWD_ROBOTS: Final = 60
 DRAWS_OF_A_CASE: Final = 60
@@ -92,11 +92,11 @@ def drawn_case(chance: Random, number: int, layer: str) -> Document:
     kinematics = KINEMATICS[number % len(KINEMATICS)]
     is_crowd = number % CROWD_EVERY == CROWD_EVERY - 1
     has_battery = layer == "charging" or chance.random() < 0.25
-    kinds = CROWD_KINDS if is_crowd else tuple(KINDS)
+    kinds = CROWD_KINDS if is_crowd else tuple(FLOOR_KINDS)
     if layer == "zoning":
         kinds = ("stations", "stations", "shelves")
     kind = chance.choice(kinds)
-    document = KINDS[kind](chance, kinematics, is_crowd)
+    document = FLOOR_KINDS[kind](chance, kinematics, is_crowd)
     layout = document["layout"]
     rows = [list(row) for row in layout["picture"].split("\n")] if "picture" in layout else []
     if rows:
@@ -119,7 +119,7 @@ def drawn_case(chance: Random, number: int, layer: str) -> Document:
         "world": world_rules(chance),
         "faults": faults(chance),
         "information": information(chance),
-        "stop": {"when": "never", "max_duration": TICKS},
+        "stop": {"when": "never", "max_duration": CASE_TICKS},
         "strategy": {one: chance.choice(names) for one, names in OTHERS.items()},
         "seed": chance.randrange(2**32),
     }
@@ -225,7 +225,7 @@ def depots(chance: Random, kinematics: str, is_crowd: bool) -> Document:
 
 
 Drawer = Callable[[Random, str, bool], Document]
-KINDS: Final[dict[str, Drawer]] = {
+FLOOR_KINDS: Final[dict[str, Drawer]] = {
     one.__name__: one for one in (shelves, racks, stations, tours, pods, table_top, depots)
 }
 CROWD_KINDS: Final = ("tours", "stations")

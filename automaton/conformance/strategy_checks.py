@@ -27,7 +27,7 @@ from automaton.conformance.probed_calls import (
     WriteProbe,
     guard_states,
 )
-from automaton.conformance.random_cases import TICKS, random_case, with_strategy
+from automaton.conformance.random_cases import CASE_TICKS, random_case, with_strategy
 from automaton.errors import InputError
 from automaton.runs.illegal_decisions import illegal_decisions
 from automaton.runs.simulation import Simulation
@@ -35,10 +35,10 @@ from automaton.runs.state_copy import captured, restore
 from automaton.strategy import lookup
 from automaton.strategy.patience import NoAnswer
 
-STEP: Final = 50  # ticks between compared digests
+TRACE_STEP: Final = 50  # ticks between compared digests
 BRANCH_TICK: Final = 150
 JIT_TICKS: Final = 60
-MEMORY_TICKS: Final = (1_000, 3_000)
+MEMORY_SPAN: Final = (1_000, 3_000)
 TRACED_LIMIT: Final = 64 << 10
 RESIDENT_LIMIT: Final = 1 << 20
 CROWDS: Final = (10, 20, 40, 80)  # robots in the measurement of time
@@ -177,7 +177,9 @@ def ending_overtime(run: Any, patience: float) -> Iterator[None]:
 OVERTIME_CODE: Final = 97  # exit code of a process that ended itself
 
 
-def trace(subject: Subject, run: Any, last: int = TICKS, every: int = STEP) -> list[list[int]]:
+def trace(
+    subject: Subject, run: Any, last: int = CASE_TICKS, every: int = TRACE_STEP
+) -> list[list[int]]:
     """Run on to a tick; the digests of all arrays at every 50th tick."""
     out = []
     while run.tick < last and not run.finished:
@@ -279,7 +281,7 @@ def survival(subject: Subject, number: int) -> list[Failure]:
         resolved = subject.resolved(document)
     except InputError:
         return []
-    subject.go(subject.run(resolved), TICKS)
+    subject.go(subject.run(resolved), CASE_TICKS)
     return []
 
 
@@ -309,7 +311,7 @@ def odd_case(document: dict[str, Any], number: int) -> dict[str, Any]:
 def writes(subject: Subject, number: int) -> list[Failure]:
     """Nothing changes but the strategy's rows, state and workspace."""
     run = subject.run(subject.resolved(subject.document(number)), WriteProbe)
-    subject.go(run, TICKS)
+    subject.go(run, CASE_TICKS)
     return of_probe("writes", subject.probe_of(run))
 
 
@@ -319,7 +321,7 @@ def information(subject: Subject, number: int) -> list[Failure]:
     if resolved.scenario.information == "everything":
         return []
     run = subject.run(resolved, SightProbe)
-    subject.go(run, TICKS)
+    subject.go(run, CASE_TICKS)
     probe = subject.probe_of(run)
     with subject.raising():
         probe.replay()
@@ -356,7 +358,7 @@ def grown(subject: Subject, number: int) -> list[Failure]:
 
 def growth(subject: Subject, number: int) -> str:
     """How much the memory of a run grows, in words; "" if hardly."""
-    first, last = MEMORY_TICKS
+    first, last = MEMORY_SPAN
     document = subject.document(number)
     document = {**document, "stop": {"when": "never", "max_duration": last}}
     run = subject.run(subject.resolved(document))
@@ -441,12 +443,12 @@ def timing(subject: Subject, number: int) -> dict[str, Any]:
     floor = open_floor(subject, "\n".join(rows), robots, "omni")
     loop = {"closed_loop": {"in_system": robots}}
     floor["orders"] = {"generator": "stations", "count": 1_000, "arrivals": loop}
-    floor["stop"] = {"when": "never", "max_duration": TICKS}
+    floor["stop"] = {"when": "never", "max_duration": CASE_TICKS}
     try:
         run = subject.run(subject.resolved(floor), Probe)
     except InputError:
         return {"robots": robots, "ns": []}
-    subject.go(run, TICKS)
+    subject.go(run, CASE_TICKS)
     probe = subject.probe_of(run)
     memory = run._memory_views[list(run.strategies).index(probe)]
     arguments = (run.view, run._batch_view, run._decisions_view, memory, run._workspace_view)
@@ -519,7 +521,7 @@ def done(subject: Subject, task: dict[str, Any], check: str, number: int) -> dic
         return check_case(subject, number, task.get("only"))
     if check == "trace":
         run = subject.run(subject.resolved(subject.document(number)))
-        return {"trace": trace(subject, run, every=task.get("every", STEP))}
+        return {"trace": trace(subject, run, every=task.get("every", TRACE_STEP))}
     if check == "jit":
         return {"trace": jit(subject, number)}
     if check == "time":

@@ -12,7 +12,7 @@ from typing import Any
 
 import pytest
 
-from automaton.conformance import CHECKS, FAILS, CheckRequest, Children, checked
+from automaton.conformance import CONFORMANCE_CHECKS, FAILS, CheckRequest, Children, checked
 from automaton.conformance.new_project import LAYERS, write_project
 from automaton.conformance.random_cases import KINEMATICS, random_case
 from automaton.conformance.strategy_checks import Subject, reply_to
@@ -85,7 +85,7 @@ def test_a_sound_strategy_conforms() -> None:
     verdict = checked(CheckRequest("broken_strategies:Sound", case=2), children=AllHere())
     assert verdict.conforms and verdict.refused == 0 and verdict.decisions > 0
     names = [one.name for one in verdict.checks]
-    assert names == list(CHECKS) and verdict.lines()[2].startswith("contract     ok")
+    assert names == list(CONFORMANCE_CHECKS) and verdict.lines()[2].startswith("contract     ok")
 
 
 def test_a_failure_says_where_and_how_to_repeat_it() -> None:

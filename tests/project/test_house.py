@@ -20,7 +20,7 @@ SHORT = 60  # lines
 # writes the new number here.
 MOST_FILES = 498
 MOST_FOLDERS = 51
-MOST_SHORT_FILES = 26
+MOST_SHORT_FILES = 27
 LONGEST_FILE = 650
 LONGEST_CHAIN = 24  # of files that import each other in a row
 IMPORTS_A_FILE = 5.95  # of ours

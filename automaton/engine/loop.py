@@ -149,7 +149,11 @@ def ticks(
         )  # fmt: skip
 
 
-@kernel
+# The parts of a tick are pasted into `ticks` and into the driver of environments: as calls they would
+# take 60 ns a tick (bench --only loop).
+
+
+@kernel(inline=True)
 def open_tick(
     world, record, workspace, used,
     break_down_and_repair, delay_robots, gates, trips, work_at_stations,
@@ -196,7 +200,7 @@ def serve_layer(
     return True
 
 
-@kernel
+@kernel(inline=True)
 def ask_layer(asked, of_layers, mode, phase):
     """The number of calls that a layer gets in this tick; the full batch holds its robots."""
     world, _, record, full_batch, batch, decisions = asked
@@ -214,7 +218,7 @@ def ask_layer(asked, of_layers, mode, phase):
     return np.int64(call_count(world, full_batch, layer) if is_asked else 0)
 
 
-@kernel
+@kernel(inline=True)
 def begin_call(asked, of_layers, memories, call):
     """The strategy that decides in a call, whose batch holds its robots; NIL if it has none."""
     world, visible_world, _, full_batch, batch, decisions = asked
@@ -235,7 +239,7 @@ def begin_call(asked, of_layers, memories, call):
     return strategy
 
 
-@kernel
+@kernel(inline=True)
 def end_call(asked, of_layers, memories, call):
     """Record the decisions of a call, and enter them into the world."""
     world, visible_world, record, full_batch, batch, decisions = asked
@@ -257,7 +261,7 @@ def end_call(asked, of_layers, memories, call):
         keep_rows(memories[strategy].rows, np.int64(full_batch.robot[call]))
 
 
-@kernel
+@kernel(inline=True)
 def close_tick(
     world, record, batch, decisions, observed, watch, used, begins,
     gates, trips, complete_visits, move_ticks, cancel_infeasible_moves, recording, observation,

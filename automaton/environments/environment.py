@@ -13,7 +13,8 @@ from automaton.engine.jit.structs import registered_address
 from automaton.engine.random_numbers import STREAM_EPISODES, random_bits_of_each
 from automaton.engine.state import NIL, ORDER_LIST, Array
 from automaton.environments.external import text_of_actions
-from automaton.environments.resets import Copies, Restorer, restored
+from automaton.environments.reset_kernels import Copies
+from automaton.environments.resets import Restorer, restored
 from automaton.environments.stepped_worlds import (
     EXTERNAL,
     ActionLog,
@@ -44,7 +45,7 @@ from automaton.world.resolve import resolve
 STEPPINGS: Final = ("tick", "decision")
 AUTORESETS: Final = ("next_step", "same_step", "disabled")
 MAX_RADIUS: Final = 15
-SHOWN: Final = ("observations", "features")
+VIEW_NAMES: Final = ("observations", "features")
 MAX_ACTION: Final = 127  # in a log; higher ones are not allowed either
 Settings = Sequence[str]
 
@@ -151,7 +152,7 @@ class Environment:
         if features:
             shapes["features"] = (*each, FEATURE_COUNT), "float32"
         if self.autoreset == "same_step":
-            views = {name: one for name, one in shapes.items() if name in SHOWN}
+            views = {name: one for name, one in shapes.items() if name in VIEW_NAMES}
             shapes |= {f"final_{name}": one for name, one in views.items()}
         return shapes
 

@@ -13,7 +13,7 @@ from automaton.engine.features import FEATURES, signature
 from automaton.engine.jit.kernel import first_class, jit_is_on
 from automaton.engine.jit.struct_types import words_of_function
 from automaton.engine.jit.structs import registered_address
-from automaton.engine.state import LAYER_RIGHT_OF_WAY, NIL, Array
+from automaton.engine.state import LAYER_RIGHT_OF_WAY, NIL, STRATEGY_COUNT, Array
 from automaton.environments import stepping, windows
 from automaton.errors import InputError, alternatives
 from automaton.runs.simulation import Simulation
@@ -100,7 +100,7 @@ class SteppedWorld(Simulation):
             windows.measure_distances if measures else None,
             windows.note_digests if logs else None,
         ]
-        kinds = [stepping.DECIDE] * stepping.FIRST_FEATURE
+        kinds = [stepping.DECIDE] * STRATEGY_COUNT
         kinds += [signature(one) if jit_is_on() else None for one in FEATURES]
         functions = list(zip(self.parts.functions, kinds, strict=True))
         kind = stepping.view_signature()

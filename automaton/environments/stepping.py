@@ -154,7 +154,7 @@ class Stepper(Struct):
 
 
 # The structs of a world, in the order of its addresses; then the memories of its strategies.
-SHAPES: Final = (
+WORLD_STRUCTS: Final = (
     *((World, True), (World, True), (World, False), (Record, True), (Batch, True), (Batch, True)),
     *((Batch, False), (Decisions, True), (Observation, True), (Observation, True)),
     *((EnteredActions, True), (Episode, True)),
@@ -162,9 +162,9 @@ SHAPES: Final = (
 (
     world_at, visible_world_at, view_at, record_at, full_batch_at, batch_at,
     batch_view_at, decisions_at, observation_at, watch_at, actions_at, episode_at,
-) = (struct_at(*shape) for shape in SHAPES)  # fmt: skip
+) = (struct_at(*shape) for shape in WORLD_STRUCTS)  # fmt: skip
 memory_at, stepper_at, workspace_at = (struct_at(one) for one in (Memory, Stepper, Workspace))
-ADDRESS_COUNT: Final = len(SHAPES) + STRATEGY_COUNT
+ADDRESS_COUNT: Final = len(WORLD_STRUCTS) + STRATEGY_COUNT
 
 
 @cache
@@ -175,17 +175,22 @@ def view_signature() -> Any:
 
 
 DECIDE = decide_signature() if jit_is_on() else None
-decide_at = function_at(DECIDE)
+# The functions that a world calls, in the order of their words: strategies, features, views.
+(
+    zoning_strategy_at, charging_strategy_at, allocation_at, routing_at, right_of_way_at,
+    allocation_2_at, allocation_3_at, allocation_4_at,
+) = (function_at(row, DECIDE) for row in range(STRATEGY_COUNT))  # fmt: skip
 (
     faults_at, delays_at, gates_at, trips_at, stations_at, visits_at, move_ticks_at, battery_at,
     sight_at, zoning_at, charging_at, recording_at, observing_at, deadlocks_at,
-) = (function_at(signature(one) if jit_is_on() else None) for one in FEATURES)  # fmt: skip
-fill_at = function_at(view_signature())
-FIRST_FEATURE: Final = 8
-FUNCTION_WINDOWS: Final = FIRST_FEATURE + len(FEATURES)
-FUNCTION_ROBOT_FEATURES: Final = FUNCTION_WINDOWS + 1
-FUNCTION_DISTANCES: Final = FUNCTION_WINDOWS + 2
-FUNCTION_DIGESTS: Final = FUNCTION_WINDOWS + 3
+) = (
+    function_at(row, signature(one) if jit_is_on() else None)
+    for row, one in enumerate(FEATURES, STRATEGY_COUNT)
+)  # fmt: skip
+FIRST_VIEW: Final = STRATEGY_COUNT + len(FEATURES)
+fill_windows_at, fill_features_at, measure_distances_at, note_digests_at = (
+    function_at(row, view_signature()) for row in range(FIRST_VIEW, FIRST_VIEW + 4)
+)
 
 
 # One world.
@@ -266,8 +271,8 @@ def begin_tick(stepper, world, episode, workspace, w):
     while stepper.state[w] == STATE_RUNNING:
         begins = open_tick(
             world, record, workspace, stepper.used,
-            faults_at(words, 8), delays_at(words, 9), gates_at(words, 10), trips_at(words, 11),
-            stations_at(words, 12),
+            faults_at(words), delays_at(words), gates_at(words), trips_at(words),
+            stations_at(words),
         )  # fmt: skip
         if begins:
             goes_on = True
@@ -287,7 +292,7 @@ def end_tick(stepper, world, episode, workspace, w, begins):
     close(stepper, w, begins)
     add_rewards(stepper, world, episode, workspace, w)
     if episode.digests.shape[0]:
-        fill_at(stepper.functions, FUNCTION_DIGESTS)(world, episode, stepper.buffers, w, workspace)
+        note_digests_at(stepper.functions)(world, episode, stepper.buffers, w, workspace)
     actions_at(stepper.addresses[w, 10]).actions[:] = ACT_NONE
     if world.clock.finished or world.clock.tick >= stepper.course.max_ticks:
         stepper.state[w] = STATE_ENDED
@@ -305,12 +310,13 @@ def serve(stepper, workspace, w, phase):
         decisions_at(row[7]),
     )  # fmt: skip
     of_layers = (
-        stepper.used, zoning_at(words, 17), charging_at(words, 18), sight_at(words, 16),
-        recording_at(words, 19),
+        stepper.used, zoning_at(words), charging_at(words), sight_at(words),
+        recording_at(words),
     )  # fmt: skip
     decide = (
-        decide_at(words, 0), decide_at(words, 1), decide_at(words, 2), decide_at(words, 3),
-        decide_at(words, 4), decide_at(words, 5), decide_at(words, 6), decide_at(words, 7),
+        zoning_strategy_at(words), charging_strategy_at(words), allocation_at(words),
+        routing_at(words), right_of_way_at(words), allocation_2_at(words), allocation_3_at(words),
+        allocation_4_at(words),
     )  # fmt: skip
     memories = (
         memory_at(row[12]), memory_at(row[13]), memory_at(row[14]), memory_at(row[15]),
@@ -332,9 +338,9 @@ def close(stepper, w, begins):
     close_tick(
         world_at(row[0]), record_at(row[3]), batch_at(row[5]), decisions_at(row[7]),
         observation_at(row[8]), watch_at(row[9]), stepper.used, begins,
-        gates_at(words, 10), trips_at(words, 11), visits_at(words, 13), move_ticks_at(words, 14),
-        battery_at(words, 15), recording_at(words, 19), observing_at(words, 20),
-        deadlocks_at(words, 21),
+        gates_at(words), trips_at(words), visits_at(words), move_ticks_at(words),
+        battery_at(words), recording_at(words), observing_at(words),
+        deadlocks_at(words),
     )  # fmt: skip
 
 
@@ -363,7 +369,7 @@ def add_rewards(stepper, world, episode, workspace, w):
         for i in range(robots.cell.shape[0]):
             buffers.rewards[w, i] += weights[REWARD_TEAM] * ended / robots.cell.shape[0]
     if weights[REWARD_NEARER] != 0.0:
-        fill_at(stepper.functions, FUNCTION_DISTANCES)(world, episode, buffers, w, workspace)
+        measure_distances_at(stepper.functions)(world, episode, buffers, w, workspace)
         for i in range(robots.cell.shape[0]):
             buffers.rewards[w, i] += weights[REWARD_NEARER] * episode.nearer[i]
 
@@ -414,11 +420,11 @@ def show_world(stepper, world, episode, workspace, w):
     """Fill in observations and features of world w."""
     buffers, words = stepper.buffers, stepper.functions
     if stepper.course.measures:
-        fill_at(words, FUNCTION_DISTANCES)(world, episode, buffers, w, workspace)
+        measure_distances_at(words)(world, episode, buffers, w, workspace)
     if buffers.observations.shape[2]:
-        fill_at(words, FUNCTION_WINDOWS)(world, episode, buffers, w, workspace)
+        fill_windows_at(words)(world, episode, buffers, w, workspace)
     if buffers.features.shape[2]:
-        fill_at(words, FUNCTION_ROBOT_FEATURES)(world, episode, buffers, w, workspace)
+        fill_features_at(words)(world, episode, buffers, w, workspace)
 
 
 def step_worlds(address, workspace_address, first, last):

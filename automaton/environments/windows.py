@@ -49,11 +49,8 @@ CHANNELS: Final = {
     CHANNEL_GOAL,
     CHANNEL_GOALS,
 ) = range(len(CHANNELS))
-CHANNELS_BY_TYPE: Final = (
-    CHANNEL_WALLS,
-    CHANNEL_WAYS,
-    CHANNEL_ORDERS,
-)  # channels with a plane for each type of robots
+# Channels with a plane for each type of robots.
+CHANNELS_BY_TYPE: Final = (CHANNEL_WALLS, CHANNEL_WAYS, CHANNEL_ORDERS)
 MAX_COUNT: Final = 255
 
 
@@ -119,7 +116,7 @@ def clipped(offset, radius):
 def hide_own(scene, episode, windows, w, i, centre, side, others):
     """Remove the claim of robot i from its own window, unless another robot is there."""
     claim = np.int64(episode.claim[i])
-    if claim == NIL or episode.robots[claim] > max(others, 1):
+    if side == 1 or claim == NIL or episode.robots[claim] > max(others, 1):
         return
     ahead = claim - np.int64(episode.cell[i])
     if abs(ahead) == 1:

@@ -11,6 +11,7 @@ OF_OTHER_RUNS = (
     *(
         *TASK_METRICS,
         "detour_share",
+        "sum_of_costs",
         "slowdown_ticks",
         "alternative_routes",
         "deadlocks_resolved",

@@ -327,10 +327,10 @@ def words_of_function(function: Any, signature: Any) -> tuple[int, int]:
     return wrapper, code
 
 
-def function_at(signature: Any) -> Any:
-    """A function (words, row) of kernels: the function of a signature in (f, 2) int64 `words`."""
+def function_at(row: int, signature: Any) -> Any:
+    """A function (words) of kernels: the function of a signature in a row of (f, 2) int64 `words`."""
 
-    def at(words: Any, row: int) -> Any:
+    def at(words: Any) -> Any:
         return _FUNCTIONS.get(int(words[row, 0]))
 
     if signature is None:
@@ -349,7 +349,7 @@ def function_at(signature: Any) -> Any:
 
         return kind(types.int64, types.int64), generate
 
-    overload(at)(lambda words, row: lambda words, row: load(words[row, 0], words[row, 1]))
+    overload(at)(lambda words: lambda words: load(words[row, 0], words[row, 1]))
     return at
 
 

@@ -46,7 +46,7 @@ HIGHER_IS_BETTER: Final = frozenset((
     "parts_finished", "min_charge", "balanced_share", "ticks_per_second",
 ))  # fmt: skip
 LOWER_IS_BETTER: Final = frozenset((
-    "makespan", "ticks", "operations", "operations_per_robot", "empty_moves_share",
+    "makespan", "sum_of_costs", "ticks", "operations", "operations_per_robot", "empty_moves_share",
     "empty_operations_share", "empty_ticks_share", "ticks_per_operation", "legs_per_order",
     "blocked_share", "task_time", "delay", "delay_p95", "detour_share", "slowdown_ticks",
     "retreats", "lead_time", "lead_time_p95", "lead_time_p99", "lead_time_max", "late_share",

@@ -55,7 +55,12 @@ if TYPE_CHECKING:
 
 PLAIN_TICK: Final = Unit(1.0, "tick")
 PER_HOUR: Final = "orders/h"
-LENGTHS: Final = ("makespan", "ticks", "orders")  # cover the whole run despite a warm-up
+LENGTHS: Final = (
+    "makespan",
+    "sum_of_costs",
+    "ticks",
+    "orders",
+)  # cover the whole run despite a warm-up
 # Metrics of the final state, which do not depend on the warm-up.
 AT_THE_END: Final = ("min_charge", "oldest_order", "starved_robots")
 # Times that grow with a queue, and the metrics that are steady only if these times are.

@@ -48,7 +48,6 @@ from strategies.right_of_way.epibt.epibt_state import (
 )
 from strategies.right_of_way.steering import (
     comes_to_charge,
-    has_work,
     lacks_charge,
     may_not_go_home,
     steps_aside,
@@ -93,7 +92,7 @@ def rank_candidates(view, workspace, state, i, stall):
         or way_out_of(view, state, i) != NIL
     ):
         state.sequence_key[i] = 0
-    elif view.robots.goal_type[i] == GOAL_PARK and not has_work(view, GOAL_PARK):
+    elif view.robots.goal_type[i] == GOAL_PARK:
         state.sequence_key[i] = min(FIRST_IDLE_KEY + way // cost_unit(view.grid), LAST_KEY - 2)
     elif stall > 1:
         number = np.uint64(stall << 32 | np.int64(view.robots.identity[i]))

@@ -20,6 +20,7 @@ from automaton.strategy.api import (
     GOAL_PARK,
     NIL,
     STATUS_UP,
+    STOP_ON_TARGETS,
     STREAM_STRATEGY,
     Strategy,
     gate_before,
@@ -206,6 +207,7 @@ def inherit_plans(view, state):
         pose = np.int64(state.pose[i])
         expected = np.int64(state.expected_pose[i])
         goes_on = not state.is_fixed[i] and abs(expected) == pose + 1
+        goes_on = goes_on and not stands_on_target(view, i)
         state.expected_pose[i] = -(pose + 1) if state.delay[i] else 0
         if not goes_on:
             state.plan[i] = FULL_WAIT
@@ -231,6 +233,14 @@ def inherit_plans(view, state):
             waiting = hold(state, i, cell_after(state, i, FULL_WAIT, tick), tick, waiting)
             if state.holds_two:
                 waiting = hold(state, i, cell_held(state, i, FULL_WAIT, tick), tick, waiting)
+
+
+@kernel
+def stands_on_target(view, i):
+    """Return whether robot i has come to its target in a one-shot problem, where its plan ends."""
+    robots = view.robots
+    is_there = robots.goal_type[i] == GOAL_NONE and robots.cell[i] == robots.home[i]
+    return is_there and view.rules.stop == STOP_ON_TARGETS
 
 
 @kernel

@@ -33,8 +33,10 @@ RETURN_TICKS = 192
 ROAMING_TICKS = 32  # of these
 MAX_ROAMING = 4  # robots off their targets with which robots may roam, or a share of the robots
 ROAMING_SHARE = 64
-FAR = 1 << 14  # moves from a cell without a way, into which the robot may still be pushed
-STANDS = 2  # in holds_fixed, next to 1 for robots that do not choose
+MAX_MOVES_BACK = (
+    1 << 14
+)  # moves from a cell without a way, into which the robot may still be pushed
+ON_TARGET = 2  # in holds_fixed, next to 1 for robots that do not choose
 
 
 @kernel
@@ -43,7 +45,7 @@ def price_ways_back(view, state):
     if view.rules.stop != STOP_ON_TARGETS:
         return
     robots = view.robots
-    away = robots.cell.shape[0] - mark_standing(view, state, STANDS)
+    away = robots.cell.shape[0] - mark_standing(view, state, ON_TARGET)
     may_roam = away <= max(MAX_ROAMING, robots.cell.shape[0] // ROAMING_SHARE)
     for i in range(robots.cell.shape[0]):
         if robots.goal_type[U(i)] != GOAL_PARK or robots.cell[U(i)] == NIL:
@@ -120,7 +122,7 @@ def search_way_back(view, state, i, target, own_aisle):
             leads = (np.int64(flags[U(before)]) >> direction) & 1
             if leads == 0 or moves[U(before)] != UNREACHABLE:
                 continue
-            is_pushed = state.holds_fixed[U(before)] == STANDS
+            is_pushed = state.holds_fixed[U(before)] == ON_TARGET
             if is_pushed and own_aisle != NIL and state.aisle[U(before)] == own_aisle:
                 continue
             moves[U(before)] = moves[U(cell)] + 1
@@ -143,5 +145,7 @@ def price_steps_back(view, state, i):
     for direction in range(4):
         moves = np.int64(state.moves_back[U(cell + grid.offset[U(direction)])])
         is_open = (flags >> direction) & 1 != 0
-        state.costs[U(i), U(direction)] = ticks * min(moves, FAR) if is_open else UNREACHABLE
+        state.costs[U(i), U(direction)] = (
+            ticks * min(moves, MAX_MOVES_BACK) if is_open else UNREACHABLE
+        )
     state.priced_cell[U(i)] = NIL

@@ -103,6 +103,8 @@ def window_kernel(radius: int) -> Any:
         if scene.sight != NIL:
             hide_outside(episode, windows, w, side)
 
+    # Numba finds compiled code by this name: radii must not have the same one.
+    fill_windows.__name__ = fill_windows.__qualname__ = f"fill_windows_{radius}"
     return kernel(fill_windows)
 
 

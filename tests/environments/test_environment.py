@@ -96,6 +96,15 @@ def test_a_window_shows_walls_other_robots_and_the_goal() -> None:
     assert goal == goals == [[0, 0, 0], [0, 0, 0], [1, 0, 0]]
 
 
+def test_windows_of_two_radii_agree_where_both_reach() -> None:
+    small, large = (Environment(TOURS, radius=radius, max_ticks=9) for radius in (1, 2))
+    for env in (small, large):
+        env.reset(seed=1)
+    assert small.observations is not None and large.observations is not None
+    inner = large.observations[:, :, :2, 1:4, 1:4]  # the goal is clipped to the window
+    assert np.array_equal(small.observations[:, :, :2], inner)
+
+
 @pytest.mark.parametrize(
     ("kinematics", "mask"),
     [("omni", [1, 1, 1, 0, 0]), ("differential", [1, 0, 1, 1]), ("rail", [1, 1, 0, 1])],

@@ -7,6 +7,7 @@ from typing import Any, Final
 
 from automaton.calibration.site_fits import HOUR, Estimate, SiteFits
 from automaton.documents.report_document import Heading, Listed, ReportDocument, Table, Text
+from automaton.units import count
 
 HEAD: Final = ("setting", "scenario", "fitted", "95 % interval", "unit", "from")
 
@@ -18,7 +19,10 @@ def fit_document(
     document = ReportDocument(f"{scenario}, fitted to a log")
     fitted = len(fits.estimates) + len(fits.slow)
     document.add(
-        Text(f"{fitted} values fitted, {len(fits.unsaid)} not: written to {out}.", strong=True),
+        Text(
+            f"{count(fitted, 'value')} fitted, {len(fits.unsaid)} not: written to {out}.",
+            strong=True,
+        ),
         Listed([*read, fits.extent], mark=""),
     )
     rows = [list(row) for row in estimate_rows(fits)]

@@ -194,7 +194,7 @@ def _fit_speeds(fitting: Fitting) -> None:
             fitting.usual[chosen] = present
             key = fitting.key(kind, f"durations.move.{moves._fields[loaded]}")
             pairs = int((track.free & chosen).sum())
-            if not fitting.has_enough(key, pairs, MIN_SPEED_PAIRS, "pair of messages"):
+            if not fitting.has_enough(key, pairs, MIN_SPEED_PAIRS, "message pair"):
                 continue
             speeds, robots = motion_fits.speed_windows(track, chosen)
             if not fitting.has_enough(key, len(speeds), MIN_DRIVES, "straight drive"):

@@ -18,9 +18,9 @@ SHORT = 60  # lines
 
 # What there is. A change that makes one of these larger needs a reason; one that makes it smaller
 # writes the new number here.
-MOST_FILES = 500
+MOST_FILES = 501
 MOST_FOLDERS = 51
-MOST_SHORT_FILES = 26
+MOST_SHORT_FILES = 27
 LONGEST_FILE = 650
 LONGEST_CHAIN = 24  # of files that import each other in a row
 IMPORTS_A_FILE = 5.95  # of ours

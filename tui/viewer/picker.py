@@ -29,7 +29,7 @@ from tui.terminal.options import Options
 from tui.terminal.themes import themes
 
 DWELL_S: Final = 0.8  # after which a picture begins to move
-TICK_S: Final = 0.1  # between two ticks of a moving picture
+FRAME_S: Final = 0.1  # between two ticks of a moving picture
 HINT: Final = "type to filter   up, down   enter opens   ctrl+q quits"
 
 
@@ -199,7 +199,7 @@ class Picker(App[list[str]]):
 
         try:
             simulation = Simulation(resolved, None, on_observe=Simulation.empty_observation)
-            while not stop.wait(TICK_S) and not simulation.finished:
+            while not stop.wait(FRAME_S) and not simulation.finished:
                 simulation.run(until=simulation.tick + 1)
                 moment = scene.with_(snapshot=take_snapshot(simulation))
                 if not stop.is_set():

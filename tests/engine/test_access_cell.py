@@ -109,7 +109,7 @@ def test_other_rules_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[s
 
 
 def test_no_other_file_chooses_a_side() -> None:
-    """Whatever picks or drops asks `slot_access`, but for alleys, what checks an answer, and jams."""
+    """Whatever picks or drops asks `slot_access`; alleys, checks of answers, jams and windows do not."""
     found = {
         path.relative_to(ROOT).as_posix()
         for top in ("automaton", "strategies")
@@ -123,5 +123,6 @@ def test_no_other_file_chooses_a_side() -> None:
         "automaton/engine/fulfilment.py",
         "automaton/runs/progress.py",
         "automaton/strategy/paths.py",
+        "automaton/environments/windows.py",
         "strategies/allocation/cooperative.py",
     }

@@ -20,7 +20,7 @@ from automaton.recording.recorder import MemoryRecorder
 from automaton.runs.simulation import Simulation
 from automaton.verification.validator import validate_stored
 
-EXAMPLES = 330
+EXAMPLES = 450
 
 
 def judged(case: Case) -> Simulation:
@@ -40,7 +40,7 @@ def test_no_decision_breaks_a_rule_of_types() -> None:
     """Two types, drawn orders of weight 1 to 3, areas: what is illegal is refused by the world."""
     reached: Counter[str] = Counter()
 
-    @settings(max_examples=EXAMPLES // 3)
+    @settings(max_examples=EXAMPLES // 4)
     @given(cases(types=True))
     def check(case: Case) -> None:
         world = judged(case).world

@@ -101,7 +101,7 @@ BROKEN_ELSEWHERE = {
     *(f"charging: {rule}" for rule in (
         "charge target", "charging with a load", "charging with an order", "way to a charger",
     )),
-    *(f"right_of_way: {rule}" for rule in ("retreat", "turn", "turn of a step")),
+    *(f"right_of_way: {rule}" for rule in ("place of a turn", "retreat", "turn", "turn of a step")),
     "routing: turn of a route",
     "zoning: overlap",
     "zoning: zoning",

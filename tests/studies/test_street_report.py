@@ -47,7 +47,7 @@ def test_a_ring_is_drawn_with_an_arrow_in_each_cell() -> None:
     design, floor_plan = ring(*CLOCKWISE)
     design.closed[[floor_plan.cell(x, 0) for x in range(1, 6)], WEST] = True
     assert drawn_streets(design, floor_plan, ascii_only=True) == [
-        ">>>>>s",
+        "EEEEEs",
         "n####s",
         "nwwwww",
     ]

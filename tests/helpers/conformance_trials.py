@@ -33,12 +33,12 @@ def shipped(floors: int = FLOORS, chosen: tuple[str, ...] = ()) -> int:
     begun, failed = time.perf_counter(), []
     print("| strategy | cases | refused | decisions | ns of a decision | verdict |")
     print("|---|---|---|---|---|---|")
-    for name in chosen or every:
-        with Children() as children:
+    with Children() as children:
+        for name in chosen or every:
             verdict = checked(CheckRequest(name, floors), children=children)
-        print(row(verdict), flush=True)
-        if not verdict.conforms:
-            failed.append("\n".join(verdict.lines()))
+            print(row(verdict), flush=True)
+            if not verdict.conforms:
+                failed.append("\n".join(verdict.lines()))
     print(f"{time.perf_counter() - begun:.0f} s", file=sys.stderr)
     print("\n\n".join(failed), file=sys.stderr)
     return 1 if failed else 0

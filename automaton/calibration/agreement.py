@@ -39,6 +39,7 @@ ERROR: Final = 0.05  # of all tests of a comparison together
 POWER: Final = 0.9
 TOLERANCES: Final = {ORDERS_AN_HOUR: 0.05, LEAD_TIME: 0.1, LEAD_TIME_P50: 0.1, LEAD_TIME_P95: 0.1}
 DECISIVE: Final = (ORDERS_AN_HOUR, LEAD_TIME)  # a model matches if both are within their tolerances
+TINY: Final = 1e-9  # spread of what is 0 in all runs
 LEAST_SPREAD: Final = 0.005  # of the mean: runs that all agree are not certain
 LEAST_ORDER_SPREAD: Final = 0.5  # the same, of orders in an hour
 MIN_STRETCH_SHARE: Final = 0.002  # of the robot time; less busy stretches are not compared
@@ -167,7 +168,7 @@ def day_band(day: DayResult) -> DayBand:
     real = np.array([day.real[name] for name in names])
     floor = np.array([LEAST_ORDER_SPREAD if name.startswith(HOURLY) else 0.0 for name in names])
     n, mean = len(runs), runs.mean(axis=0)
-    floor = np.maximum(floor, LEAST_SPREAD * np.abs(mean))
+    floor = np.maximum(np.maximum(floor, LEAST_SPREAD * np.abs(mean)), TINY)
     spread = np.maximum(runs.std(axis=0, ddof=1), floor)
     others_mean = (n * mean - runs) / (n - 1)
     squares = ((runs - mean) ** 2).sum(axis=0) - (runs - mean) ** 2 * n / (n - 1)
@@ -188,9 +189,10 @@ def day_band(day: DayResult) -> DayBand:
 def combined(values: Sequence[float]) -> float:
     """Fisher's combination of independent p values: the upper tail of chi-square."""
     half = -sum(map(math.log, values))
-    return min(
-        1.0, math.fsum(half**k / math.factorial(k) for k in range(len(values))) * math.exp(-half)
-    )
+    if half <= 0:
+        return 1.0
+    logs = (k * math.log(half) - math.lgamma(k + 1) - half for k in range(len(values)))
+    return min(1.0, math.fsum(map(math.exp, logs)))
 
 
 # Over days.

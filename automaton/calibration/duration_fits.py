@@ -301,6 +301,10 @@ def empirical_quantiles(data: Censored) -> tuple[float, ...]:
 
     Source: Turnbull (1976), with the likelihood above for each duration of a grid.
     """
+    if not len(data.gaps):  # each duration is seen to both ends
+        shares = (np.arange(QUANTILES) + 0.5) / QUANTILES
+        durations = np.maximum(np.quantile(data.middles, shares), SHORTEST_S)
+        return tuple(np.round(durations, 2).tolist())
     top = float((data.free_before + data.observed + data.free_after).max())
     bottom = float(data.observed.min())
     grid = np.linspace(max(bottom, SHORTEST_S), top, 2 * QUANTILES)[None, :]

@@ -111,8 +111,10 @@ class RobotTracks:
 
     @cached_property
     def driving(self) -> Array:
-        """(n,) bool."""
-        out: Array = self.log.samples.driving != 0
+        """(n,) bool; a robot whose log has no state drives if it moves before or after."""
+        says = self.log.samples.driving
+        moves = (np.hypot(*np.nan_to_num(self.step)) > STILL) & self.log.usable
+        out: Array = np.where(says < 0, moves | np.append(False, moves)[:-1], says > 0)
         return out
 
     @cached_property
@@ -184,6 +186,8 @@ def placed(log: StateLog, floor_plan: FloorPlan, units: Units, snap: float = SNA
     inside &= (near_row >= 0) & (near_row < floor_plan.height + 2)
     cell = np.where(inside, near_row * floor_plan.stride + near_column, 0).astype(np.int64)
     on_floor = inside & standable(floor_plan)[cell]
+    if not known.any():
+        raise InputError("has no position of any robot")
     off_floor = int(known.sum() - on_floor.sum())
     if off_floor > MAX_OFF_FLOOR * known.sum():
         fit = _nearest_fit(samples, floor_plan, metres)

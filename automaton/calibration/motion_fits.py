@@ -253,8 +253,9 @@ def fit_delays(
     threshold = max(shortest / 2, ERRORS * error)
     is_late = free & (drives.late > threshold)
     # Errors of stamps cancel between neighbours, so a delay includes the pairs beside it.
-    wide = is_late | (free & (np.roll(is_late, 1) | np.roll(is_late, -1)))
-    number = np.cumsum(wide & ~np.roll(wide, 1))[wide] - 1
+    before, after = np.append(False, is_late)[:-1], np.append(is_late, False)[1:]
+    wide = is_late | (free & (before | after))
+    number = np.cumsum(wide & ~np.append(False, wide)[:-1])[wide] - 1
     lengths = np.bincount(number, drives.late[wide]) if len(number) else np.zeros(0)
     lengths = lengths[lengths >= shortest]
     exposure = float(drives.seconds[free].sum() - lengths.sum())

@@ -314,7 +314,7 @@ def tuning_blocks(tuning: Tuning) -> list[Block]:
     ]
     spent = f"{tuning.runs:,} of at most {tuning.budget:,} runs, {tuning.values} values"
     return [
-        Heading("TunedValue outputs"),
+        Heading("Tuned outputs"),
         Text(
             f"Outputs were tuned: {changes}, so that throughput and lead time of {days} agree with the "
             "site. These days cannot judge the model any more: `automaton compare` needs other days.",

@@ -293,7 +293,11 @@ def family_words(fit: duration_fits.DurationFit) -> str:
 
 def _fit_delays(fitting: Fitting) -> motion_fits.DelayFit | None:
     order = fitting.log.samples.order
-    order = order if order.any() else np.ones_like(order)
+    if not order.any():
+        order = (fitting.log.samples.load > 0).astype(np.int32)
+    if not order.any():
+        fitting.unsaid.append("faults.delays: without orders and loads, idle robots look delayed")
+        return None
     error, shortest = duration_fits.stamp_error(fitting.gaps), fitting.thresholds.shortest_delay_s
     fit = motion_fits.fit_delays(fitting.track, order, fitting.usual, error, shortest)
     key = "faults.delays"

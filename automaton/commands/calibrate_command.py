@@ -112,6 +112,10 @@ def run(args: argparse.Namespace) -> int:
     if not args.logs:
         if args.orders is None:
             raise InputError("calibrate needs a LOG, or --orders FILE")
+        named = {"--floor": args.floor, "--set": args.settings, "--tune": args.tune}
+        for name, value in named.items():
+            if value:
+                raise InputError(f"{name} needs a LOG: without one, only demand is fitted")
         return fit_orders(args)
     if args.floor is None:
         raise InputError("a log needs --floor SCENARIO, whose floor the robots drive on")

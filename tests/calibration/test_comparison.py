@@ -349,3 +349,8 @@ def test_compare_prints_its_verdict(folder: Path, capsys: pytest.CaptureFixture[
     orders = ["--orders", "a.csv", "--orders", "b.csv"]
     assert main([*command, *orders]) == 2
     assert "--orders is there 2 times, but there are 1 log" in capsys.readouterr().err
+
+
+def test_p_values_of_many_days_can_be_combined() -> None:
+    assert combined([0.5] * 500) > 0.9 > 1e-9 > combined([1 / 51] * 500)
+    assert combined([1.0]) == 1.0

@@ -60,6 +60,7 @@ class LogCounts(NamedTuple):
     clock_steps: int  # messages with a later number but an earlier stamp than the one before
     gaps: int  # pauses of a robot above 30 s
     versions: dict[str, int]  # messages by version of the standard
+    one_stamp: int = 0  # messages with the stamp of the one before, so that no time is between them
     silent_s: float = 0.0  # seconds of pauses of all robots at once
 
     def sentences(self) -> list[str]:
@@ -78,6 +79,7 @@ class LogCounts(NamedTuple):
             "missing": self.missing,
             "clock stepped back": self.clock_steps,
             "pauses above 30 s": self.gaps,
+            "with the stamp of the message before": self.one_stamp,
         }
         wrong = ", ".join(f"{name} {many:,}" for name, many in words.items() if many)
         lines += [wrong] if wrong else []
@@ -186,6 +188,7 @@ def _ordered(arrays: dict[str, Array], names: LogNames, reader: LineReader) -> S
         clock_steps=len(steps),
         gaps=int(gaps.sum()),
         versions=dict(reader.versions),
+        one_stamp=int((pair & (elapsed == 0)).sum()),
         silent_s=float(pauses[pauses > MAX_GAP_MS].sum()) / 1000,
     )
     return StateLog(

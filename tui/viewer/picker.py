@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Final, NamedTuple
 
 from rich.text import Text
+from textual import events
 from textual.app import App, ComposeResult
 from textual.containers import Horizontal, Vertical
 from textual.widgets import Input, Label, OptionList, Static
@@ -111,9 +112,9 @@ class Picker(App[list[str]]):
     def on_input_changed(self, event: Input.Changed) -> None:
         self._fill(event.value)
 
-    def on_key(self, event: object) -> None:
+    def on_key(self, event: events.Key) -> None:
         """Up and down move in the list while the filter has the focus."""
-        key = getattr(event, "key", "")
+        key = event.key
         moves = {
             "up": "cursor_up",
             "down": "cursor_down",

@@ -32,9 +32,8 @@ def end_lines(view: View, width: int) -> list[tuple[str, int]]:
     stuck = int(np.count_nonzero(snapshot.robots.wait_cycle_ticks))
     if stuck:
         since = snapshot.tick - int(snapshot.robots.wait_cycle_ticks.max())
-        words = (
-            f"Deadlock: {count(stuck, 'robot')} in a wait cycle since tick {since:,}; g goes there."
-        )
+        robots = count(stuck, "robot")
+        words = f"Deadlock: {robots} in a wait cycle since tick {since:,} (g {since} goes there)."
         paragraphs.append((words, styles.COLOUR_FAULT))
     done = f"{now.delivered:,} of {count(now.orders, 'order')} delivered"
     share = f"{percent(measured.metrics['utilization'])} of robot time spent on orders"

@@ -5,6 +5,7 @@ It lists the signs that can occur on this floor, at this zoom, with this layer.
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -37,6 +38,7 @@ from tui.render.scene import (
     DETAIL_UNLIMITED,
     HEAT_LEVELS,
     Scene,
+    ShownFloor,
 )
 from tui.render.styles import GLYPH_BITS, GLYPHS, GlyphSet, code, style
 from tui.widgets.panel import Line, Span, TextPanel, cell_link, line, title, wrapped
@@ -107,12 +109,13 @@ def legend(scene: Scene, zoom: Zoom, glyphs: GlyphSet) -> list[LegendLine]:
     elif fleet.is_grey(scene):
         entries = _without_colours(entries, near)
     entries = _layer(scene, glyphs) + entries + _overlays(scene, zoom, glyphs)
-    return entries + floor_legend(scene, zoom, glyphs)
+    return entries + floor_legend(scene.floor, near, glyphs)
 
 
-def floor_legend(scene: Scene, zoom: Zoom, glyphs: GlyphSet) -> list[LegendLine]:
-    """The entries of the cells of this floor."""
-    return _cells(scene, glyphs) if zoom.kind == "cells" else _far_cells(scene, glyphs)
+@lru_cache(maxsize=8)
+def floor_legend(floor: ShownFloor, near: bool, glyphs: GlyphSet) -> list[LegendLine]:
+    """The entries of the cells of a floor, `near` or where a character holds many."""
+    return _cells(floor, glyphs) if near else _far_cells(floor, glyphs)
 
 
 def _layer(scene: Scene, glyphs: GlyphSet) -> list[LegendLine]:
@@ -297,11 +300,11 @@ def path_entries(scene: Scene, glyphs: GlyphSet) -> list[LegendLine]:
     )
 
 
-def _cells(scene: Scene, glyphs: GlyphSet) -> list[LegendLine]:
+def _cells(floor: ShownFloor, glyphs: GlyphSet) -> list[LegendLine]:
     """The looks of this floor; looks that differ only in direction share an entry."""
     codes = cell_codes(glyphs, 1)
     lines: dict[str, list[int]] = {}
-    numbers = set(np.unique(scene.floor.looks).tolist())
+    numbers = set(np.unique(floor.looks).tolist())
     if look(SHELF) in numbers:
         numbers.add(look(SHELF, DETAIL_FULL_SHELF))
     if look(STORAGE) in numbers:
@@ -313,8 +316,8 @@ def _cells(scene: Scene, glyphs: GlyphSet) -> list[LegendLine]:
     return [LegendLine(tuple(signs), meaning) for meaning, signs in lines.items()]
 
 
-def _far_cells(scene: Scene, glyphs: GlyphSet) -> list[LegendLine]:
-    kinds = [kind for kind in np.unique(scene.floor.floor_plan.kind).tolist() if kind not in DRIVEN]
+def _far_cells(floor: ShownFloor, glyphs: GlyphSet) -> list[LegendLine]:
+    kinds = [kind for kind in np.unique(floor.floor_plan.kind).tolist() if kind not in DRIVEN]
 
     def sign(kind: int) -> int:
         fg = FAR_SHELF if kind in STORING_KINDS else colour_of(look(kind))

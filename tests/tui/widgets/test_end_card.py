@@ -34,7 +34,7 @@ def test_it_says_what_was_achieved_and_where_the_time_went() -> None:
 
 def test_a_deadlock_at_the_end_is_named_in_red() -> None:
     lines, colours = card(700, "fleet.robots=5", "strategy.right_of_way=wait")
-    assert lines[1] == "Deadlock: 2 robots in a wait cycle since tick 157; g goes there"
+    assert lines[1] == "Deadlock: 2 robots in a wait cycle since tick 157 (g 157 goes there)"
     assert styles.COLOUR_FAULT in colours
 
 

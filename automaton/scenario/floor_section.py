@@ -80,7 +80,7 @@ def floor_of(layout: dict[str, Any], folder: Path) -> Floor:
 
 def generators() -> dict[str, str]:
     """The floor generators by name, each as "module:Class"."""
-    return cast("dict[str, str]", importlib.import_module("layouts.generators").GENERATORS)
+    return cast("dict[str, str]", importlib.import_module("layouts").GENERATORS)
 
 
 def is_shipped(layout: dict[str, Any]) -> bool:

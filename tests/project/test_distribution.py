@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import os
+import re
+import subprocess
+import sys
 import tomllib
 from importlib import metadata
 from pathlib import Path
@@ -13,7 +17,8 @@ from packaging.version import Version
 
 from automaton.engine.jit.numba_parts import TRIED
 
-PROJECT = tomllib.loads((Path(__file__).parents[2] / "pyproject.toml").read_text())["project"]
+ROOT = Path(__file__).parents[2]
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
 EXTRAS = PROJECT["optional-dependencies"].values()
 OURS = [Requirement(line) for lines in (PROJECT["dependencies"], *EXTRAS) for line in lines]
 
@@ -73,6 +78,32 @@ def test_numba_has_the_bounds_that_its_private_parts_were_tried_with() -> None:
 
 
 def test_the_platform_is_said() -> None:
-    readme = (Path(__file__).parents[2] / "README.md").read_text(encoding="utf-8")
+    readme = (ROOT / "README.md").read_text(encoding="utf-8")
     assert "Operating System :: POSIX" in PROJECT["classifiers"]
     assert "POSIX" in readme
+
+
+def test_a_version_is_said_once_everywhere() -> None:
+    cited = re.search(r"^version: (.*)$", (ROOT / "CITATION.cff").read_text(), re.MULTILINE)
+    assert cited is not None and cited[1] == PROJECT["version"]
+    assert f"## {PROJECT['version']} (" in (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
+
+
+def test_the_command_has_the_name_of_the_package_too() -> None:
+    """`pipx run` and `uvx` look for it."""
+    assert PROJECT["scripts"][PROJECT["name"]] == PROJECT["scripts"]["automaton"]
+
+
+def test_a_distribution_that_replaces_a_file_of_ours_is_named(tmp_path: Path) -> None:
+    package = tmp_path / "automaton"
+    package.mkdir()
+    for entry in (ROOT / "automaton").iterdir():
+        (package / entry.name).symlink_to(entry)
+    (package / "__init__.py").unlink()
+    (package / "__init__.py").write_text("# of another distribution")
+    command = [sys.executable, "-m", "automaton", "list"]
+    surroundings = {**os.environ, "PYTHONPATH": str(tmp_path)}
+    done = subprocess.run(command, env=surroundings, cwd=tmp_path, capture_output=True, text=True)
+    assert done.returncode == 2
+    assert done.stderr.startswith("automaton: another distribution, probably 'automaton' of PyPI")
+    assert done.stderr.count("\n") == 1

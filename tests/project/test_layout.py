@@ -33,7 +33,8 @@ def test_every_test_file_is_collected(request: pytest.FixtureRequest) -> None:
 
 
 def test_every_helper_is_used_or_run_by_hand() -> None:
-    texts = {path: path.read_text(encoding="utf-8") for path in TESTS.rglob("*.py")}
+    every = [*TESTS.rglob("*.py"), TESTS / "matrix"]
+    texts = {path: path.read_text(encoding="utf-8") for path in every}
     for helper in (TESTS / "helpers").glob("*.py"):
         others = "".join(text for path, text in texts.items() if path != helper)
         assert helper.stem in others or "run by hand" in texts[helper], helper.name

@@ -16,7 +16,7 @@ import numba
 
 from automaton.engine.jit.compile_progress import UnfitNumbaError
 
-TRIED = "0.61", "0.68"  # the first and the last; pyproject.toml says the same (tested)
+TRIED = "0.63", "0.68"  # the first and the last; pyproject.toml says the same (tested)
 BLAS = "scipy.linalg.cython_blas"
 NO_BLAS_YET = ModuleType(BLAS)
 
@@ -94,7 +94,7 @@ def links_otherwise() -> str:
     differs, each kernel gets its own machine code, and a first run takes longer."""
     try:
         from numba.core.caching import CompileResultCacheImpl
-        from numba.core.codegen import JITCodeLibrary
+        from numba.core.codegen import CodeLibrary, JITCodeLibrary
         from numba.core.compiler import CR_FIELDS, Compiler, compile_result
         from numba.core.environment import lookup_environment
     except ImportError as error:
@@ -103,6 +103,8 @@ def links_otherwise() -> str:
     library |= {"_get_module_for_linking", "add_linking_library", "get_pointer_to_function"}
     if not library <= set(dir(JITCodeLibrary)):
         return f"JITCodeLibrary has no {min(library - set(dir(JITCodeLibrary)))}"
+    if "_reload_init" not in CodeLibrary.__init__.__code__.co_names:
+        return "CodeLibrary has no _reload_init"
     if not {"library", "entry_point", "referenced_envs", "reload_init"} <= set(CR_FIELDS):
         return "the results of compilations have other fields"
     if parameters(Compiler.compile_extra) != {"self", "func"}:

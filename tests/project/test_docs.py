@@ -7,6 +7,9 @@ import json
 import re
 import runpy
 import shlex
+import shutil
+import subprocess
+import sys
 import tomllib
 from pathlib import Path
 from typing import Any
@@ -60,6 +63,15 @@ def test_the_site_has_every_page_once() -> None:
     paths = [path for part in parts for path in ([part] if isinstance(part, str) else part)]
     of_docs = [one.name for one in pages() if one.name.startswith("docs/")]
     assert sorted(f"docs/{path}" for path in paths) == sorted(of_docs)
+
+
+def test_the_site_is_built_without_a_warning(tmp_path: Path) -> None:
+    shutil.copytree(ROOT / "docs", tmp_path / "docs")
+    shutil.copy(ROOT / "zensical.toml", tmp_path)
+    command = [Path(sys.executable).with_name("zensical"), "build", "--strict"]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert (tmp_path / "site/index.html").exists()
 
 
 @pytest.mark.parametrize("one", pages(), ids=lambda one: one.name)

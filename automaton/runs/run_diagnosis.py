@@ -230,8 +230,7 @@ class JamWatch:
 
 def note_jam(where: str, tick: int, jam: Jam) -> str:
     """Print on stderr that a run has jammed, and return it; `where`: the scenario, the run of a study."""
-    begin = "\r\x1b[K" if sys.stderr.isatty() else ""  # overwrites the progress line
     sys.stdout.flush()  # keeps the order of lines if both streams go to one file
     words = f"tick {tick:,}: {describe_jam(jam)[0]}"
-    print(f"{begin}automaton: {where}: {words}\n", end="", file=sys.stderr, flush=True)
+    print(f"automaton: {where}: {words}\n", end="", file=sys.stderr, flush=True)
     return words

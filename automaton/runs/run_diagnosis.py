@@ -33,6 +33,7 @@ from automaton.runs.progress import (
     stuck_robots,
 )
 from automaton.runs.simulation import RECORD_TICKS, Simulation
+from automaton.scenario.schema import Faults
 from automaton.units import count, listed
 from automaton.vocabulary import CONDITION_WORDS
 
@@ -179,6 +180,24 @@ def _identities(world: World, cycle: list[int]) -> tuple[int, ...]:
     names = [int(world.robots.identity[i]) for i in cycle]
     least = names.index(min(names))
     return (*names[least:], *names[:least])
+
+
+def permanent_deadlock(simulation: Simulation) -> int | None:
+    """The tick in which a deadlock began that the run can only repeat; None without one.
+
+    No robot has been active for `starved_ticks`, and nothing is to come that could free one: no order,
+    break, gate, fault or empty battery.
+    """
+    world, tick, scenario = simulation.world, simulation.tick, simulation.resolved.scenario
+    inside = world.deadlocks.number > 0
+    if not inside.any() or int(world.tally.active.max()) > tick - starved_ticks(world):
+        return None
+    breaks = world.pod_stations.breaks
+    may_fail = scenario.battery is not None or scenario.faults != Faults()
+    may_open = len(world.gates.kind) > 0 or bool((breaks[:, 2] > tick).any())
+    if may_fail or may_open or not asked_orders(world).is_known.all():
+        return None
+    return int(world.deadlocks.since[inside].min())
 
 
 # Detection of jams during a run. Each jam is reported once.

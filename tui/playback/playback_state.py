@@ -51,6 +51,9 @@ class PlaybackState:
     divergence: Divergence | None = None  # of two live runs, once known
     # By run: (n, k) int32 cells that robots passed through, or NIL.
     trails: tuple[Array, ...] = ()
+    stuck: int | None = (
+        None  # first tick of the deadlock at which it stopped, as it can only repeat
+    )
 
     @property
     def end(self) -> int | None:

@@ -8,7 +8,9 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Iterator
+import shutil
+import textwrap
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any, Final, NoReturn, TextIO
 
@@ -68,6 +70,19 @@ def for_terminal(text: str) -> str:
     return _OURS.sub(lambda found: found[1] or _shown(found), text)
 
 
+def wrapped_sentences(text: str) -> str:
+    """Text in which the sentences of this program wrap at the width of the terminal."""
+    columns = shutil.get_terminal_size().columns
+    return "\n".join(
+        textwrap.fill(
+            line, columns, subsequent_indent="  ", break_long_words=False, break_on_hyphens=False
+        )
+        if line.startswith("automaton: ") and len(line) > columns
+        else line
+        for line in text.split("\n")
+    )
+
+
 def _shown(found: re.Match[str]) -> str:
     return {"\n": "\\n", "\t": "\\t", "\r": "\\r"}.get(found[0], f"\\u{ord(found[0]):04x}")
 
@@ -83,15 +98,25 @@ class OutputError(Exception):
 
 
 class PrintedText:
-    """A standard stream with all output made safe; None: output is discarded."""
+    """A standard stream with all output made safe; None: output is discarded.
 
-    def __init__(self, stream: Any, is_output: bool = True) -> None:
+    Before output to a terminal, `before` is called. Long sentences on stderr wrap at blanks there.
+    """
+
+    def __init__(
+        self, stream: Any, is_output: bool = True, before: Callable[[], None] = lambda: None
+    ) -> None:
         self.stream = _nowhere() if stream is None else stream
         self.is_output = is_output
+        self.before = before
 
     def write(self, text: str) -> int:
         """Write text, with control characters shown; colours only to a terminal. Raises OutputError."""
-        shown = for_terminal(text) if self.stream.isatty() else escaped(text)
+        if self.stream.isatty():
+            self.before()
+            shown = for_terminal(text if self.is_output else wrapped_sentences(text))
+        else:
+            shown = escaped(text)
         with self._writable():
             self.stream.write(shown)
         return len(text)

@@ -10,11 +10,14 @@ import importlib
 import io
 import os
 import re
+import shutil
 import sys
+import textwrap
 from collections.abc import Sequence
 from pathlib import Path
-from typing import NoReturn
+from typing import Any, NoReturn
 
+from automaton.commands.status_line import STATUS_LINE, print_next
 from automaton.engine.jit.compile_progress import COMPILING, UnfitNumbaError
 from automaton.errors import InputError, WorkerDiedError, nearest
 from automaton.printable import OutputError, PrintedText, one_line
@@ -112,16 +115,32 @@ COMMANDS = {
     name: command for group in COMMANDS_BY_SUBJECT.values() for name, command in group.items()
 }
 
+FULL_SCREEN = ("watch", "replay", "serve")  # commands that draw on the terminal themselves
 LONGEST_ERROR = 300  # characters of an internal error; compilers write pages
 DONE, FAILED, BAD_INPUT, INTERRUPTED, BROKEN_PIPE, TERMINATED = 0, 1, 2, 130, 141, 143
 
 
+def broken(text: str, width: int) -> list[str]:
+    """The lines of a text that breaks at blanks alone."""
+    text = " ".join(text.split())
+    return textwrap.wrap(text, width, break_long_words=False, break_on_hyphens=False) or [""]
+
+
 class HelpLines(argparse.HelpFormatter):
-    """The usual form of --help; a line break in the text of an argument begins a new line."""
+    """The usual form of --help, with lines that break at blanks and at line breaks of a text alone."""
 
     def _split_lines(self, text: str, width: int) -> list[str]:
-        lines = (super(HelpLines, self)._split_lines(line, width) for line in text.split("\n"))
-        return [line for some in lines for line in some]
+        return [line for part in text.split("\n") for line in broken(part, width)]
+
+    def _fill_text(self, text: str, width: int, indent: str) -> str:
+        return "\n".join(indent + line for line in broken(text, width - len(indent)))
+
+    def _format_usage(self, *args: Any) -> str:
+        """The usage; if one of its parts is wider than the terminal, it breaks at any blank."""
+        text = super()._format_usage(*args)
+        if max(map(len, text.splitlines())) <= self._width:
+            return text
+        return "\n       ".join(broken(text, self._width - 7)) + "\n\n"
 
 
 class Parser(argparse.ArgumentParser):
@@ -139,8 +158,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(errors="replace")  # a terminal without "ń" shows "?"
     before = sys.stdout, sys.stderr
-    output = PrintedText(sys.stdout, is_output=True)
-    sys.stdout, sys.stderr = output, PrintedText(sys.stderr, is_output=False)
+    output = PrintedText(sys.stdout, True, STATUS_LINE.clear)
+    sys.stdout, sys.stderr = output, PrintedText(sys.stderr, False, STATUS_LINE.clear)
     try:
         with signals_raise():
             code = _dispatch([argument for argument in arguments if argument != "--debug"], debug)
@@ -202,11 +221,25 @@ def _dispatch(arguments: list[str], debug: bool) -> int:
         raise InputError(
             f"unknown {what} '{name}'{nearest(name, COMMANDS)}; see `automaton --help`"
         )
-    module_name, summary = COMMANDS[name]
     if os.getcwd() not in sys.path:
         # "module:Class" in a scenario may name a file in this folder. Last: it must hide no module.
         sys.path.append(os.getcwd())
     COMPILING.on_terminal = sys.stderr.isatty()
+    line = sys.stderr if name not in FULL_SCREEN else None
+    with STATUS_LINE.shown(getattr(line, "stream", None), name):
+        args = arguments_of(name, rest)
+        if args is None:  # --help
+            return DONE
+        args.debug = debug
+        code = int(sys.modules[COMMANDS[name][0]].run(args))
+    if code == DONE:
+        print_next(name, vars(args))
+    return code
+
+
+def arguments_of(name: str, rest: Sequence[str]) -> argparse.Namespace | None:
+    """Import a command and read its arguments; None if its help was printed. Raises InputError."""
+    module_name, summary = COMMANDS[name]
     module = importlib.import_module(module_name)
     parser = Parser(
         prog=f"automaton {name}",
@@ -219,34 +252,38 @@ def _dispatch(arguments: list[str], debug: bool) -> int:
     module.add_arguments(parser)
     try:
         args, unknown = parser.parse_known_args(rest)
-    except SystemExit as done:  # --help
-        return int(done.code or 0)
+    except SystemExit:
+        return None
     if unknown:
         known = [option for action in parser._actions for option in action.option_strings]
         hint = nearest(unknown[0].partition("=")[0], known)
         parser.error(f"unknown argument '{unknown[0]}'{hint}")
-    args.debug = debug
-    return int(module.run(args))
+    return args
 
 
 def usage() -> str:
     """The text of `automaton --help`."""
-    width = max(map(len, COMMANDS)) + 2
-    commands = "\n\n".join(
-        "\n".join(
-            [f"{subject}:", *(f"  {name:<{width}}{text}" for name, (_, text) in group.items())]
-        )
+    columns, names = shutil.get_terminal_size().columns, max(map(len, COMMANDS)) + 4
+
+    def line(name: str, text: str) -> str:
+        return f"  {name:<{names - 2}}" + f"\n{'':{names}}".join(broken(text, columns - names))
+
+    about = "Simulate fleets of mobile robots in warehouses as a cellular automaton."
+    groups = {
+        subject: {name: text for name, (_, text) in group.items()}
         for subject, group in COMMANDS_BY_SUBJECT.items()
-    )
-    return (
-        "usage: automaton COMMAND [--help] [--debug] ...\n\n"
-        "Simulate fleets of mobile robots in warehouses as a cellular automaton.\n\n"
-        f"{commands}\n\n"
-        f"options:\n"
-        f"  {'--help':<{width}}show this text; after COMMAND, the help of that command\n"
-        f"  {'--version':<{width}}show the version; with --verbose, also Python and the machine\n"
-        f"  {'--debug':<{width}}show the traceback of an error\n"
-    ).rstrip()
+    }
+    groups["options"] = {
+        "--help": "show this text; after COMMAND, the help of that command",
+        "--version": "show the version; with --verbose, also Python and the machine",
+        "--debug": "show the traceback of an error",
+    }
+    parts = [
+        "\n".join([f"{subject}:", *(line(*one) for one in group.items())])
+        for subject, group in groups.items()
+    ]
+    usage_line = "usage: automaton COMMAND [--help] [--debug] ..."
+    return "\n\n".join([usage_line, "\n".join(broken(about, columns)), *parts])
 
 
 def surroundings() -> str:
@@ -263,12 +300,14 @@ def surroundings() -> str:
     way = "the fast way: functions that only kernels call are compiled once, inside their callers"
     if LINKS_OTHERWISE:
         way = f"one by one, which is slower: in this Numba, {LINKS_OTHERWISE}"
-    return (
+    text = (
         f"Python {platform.python_version()}, Numba {numba.__version__}, NumPy {numpy.__version__}\n"
         f"{platform.system()} {platform.machine()}, {cores()} cores\n"
         f"compiled code in {cache_root()}\n"
         f"kernels are compiled {way}"
     )
+    columns = shutil.get_terminal_size((80, 24)).columns
+    return "\n".join(line for part in text.splitlines() for line in broken(part, columns))
 
 
 def commit_of(root: Path) -> str:

@@ -13,6 +13,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 from automaton.atomic_write import atomic_writer, cannot_write_error
+from automaton.commands.status_line import STATUS_LINE
+from automaton.engine.jit.compile_progress import COMPILING
 from automaton.errors import InputError
 from automaton.scenario.document import Override, parse
 from automaton.scenario.quantities import is_clock_time
@@ -163,8 +165,9 @@ class Output(NamedTuple):
 def add_output_arguments(parser: argparse.ArgumentParser, option: str = "--out") -> None:
     """The format of an answer, and a file for it: `format`, `json`, and `out` or another option."""
     form = parser.add_mutually_exclusive_group()
-    text = f"set the output format (default: by the extension of {option}, else text)"
-    form.add_argument("--format", choices=FORMATS, help=text)
+    formats = ", ".join(FORMATS)
+    text = f"set the output format: {formats} (default: by the extension of {option}, else text)"
+    form.add_argument("--format", choices=FORMATS, metavar="FORMAT", help=text)
     add_json_argument(form)
     text = "write the report to one self-contained FILE"
     parser.add_argument(option, type=Path, metavar="FILE", help=text)
@@ -248,10 +251,9 @@ def note(text: str) -> None:
     print(f"automaton: {text}", file=sys.stderr, flush=True)
 
 
-def show_line(text: str) -> None:
-    """Replace the last line with a text, on a terminal only; "" clears the line."""
-    if sys.stderr.isatty():
-        print(f"\r\x1b[K{text}", end="", file=sys.stderr, flush=True)
+def show_line(text: str | Callable[[], str]) -> None:
+    """Say in the last line of a terminal what a command does now; "" names the command alone."""
+    STATUS_LINE.show(text)
 
 
 def print_json(data: Any) -> None:
@@ -272,8 +274,12 @@ def progress_bar(*columns: str | ProgressColumn) -> Iterator[Progress]:
     from rich.console import Console
     from rich.progress import Progress
 
-    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
-        yield bar
+    COMPILING.on_terminal, before = False, COMPILING.on_terminal  # sentences above the bar
+    try:
+        with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+            yield bar
+    finally:
+        COMPILING.on_terminal = before
 
 
 def whole(name: str, least: int, most: int | None = None) -> Callable[[str], int]:

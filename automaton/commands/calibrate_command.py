@@ -365,7 +365,7 @@ def compare_models(
     """Compare the fitted model with empirical handling times and with a finer tick; the former replace
     the family in `settings` if they change the result."""
     from automaton.calibration.fitted_settings import arguments_of, settings_of
-    from automaton.studies.model_pairs import compare_pairs
+    from automaton.studies.tuning import compare_pairs
     from automaton.world.resolve import resolve
 
     done = 0

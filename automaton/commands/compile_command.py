@@ -14,6 +14,7 @@ from dataclasses import replace
 
 import msgspec
 
+from automaton.commands.arguments import show_line
 from automaton.commands.check import names_study
 from automaton.errors import InputError
 from automaton.scenario.schema import LAYER_NAMES, Measure
@@ -46,6 +47,7 @@ def run(args: argparse.Namespace) -> int:
         raise InputError("NUMBA_DISABLE_JIT turns compiling off; unset it")
     used = set()
     for resolved in first_of_each(scenarios_in(args.file or list(shipped()))):
+        show_line(f"compiling what {resolved.scenario.name} needs")
         begin_run(resolved)
         used |= {(layer, choice.name) for layer, choice in resolved.choices}
     if not args.file:
@@ -106,5 +108,6 @@ def compile_others(used: set[tuple[str, str]]) -> set[tuple[str, str]]:
     others = {(layer, name) for layer in LAYER_NAMES for name in lookup.names(layer)} - used
     for layer, name in sorted(others):
         if name != lookup.NO_STRATEGY:
+            show_line(f"compiling {layer} {name}")
             compile_strategy(lookup.load(layer, name))
     return others

@@ -8,7 +8,6 @@ from __future__ import annotations
 import argparse
 import contextlib
 import sys
-import threading
 import time
 from collections.abc import Iterator
 from functools import partial
@@ -45,8 +44,6 @@ FORMS = {
 }
 
 
-PROGRESS_DELAY_S = 1.0  # before the progress of a run appears on a terminal
-REFRESH_S = 0.2
 PROGRESS_INTERVAL_S = 2.0  # a tick that takes longer is named
 
 
@@ -201,24 +198,16 @@ def progress(resolved: Resolved) -> Iterator[Any]:
         return
     limit = resolved.scenario.stop.max_duration
     watched: list[Simulation] = []
-    over = threading.Event()
+    last = [0, time.monotonic()]  # the tick, and since when
 
-    def tell() -> None:
-        pause, told, tick, since = PROGRESS_DELAY_S, False, 0, time.monotonic()
-        while not over.wait(pause):
-            pause = REFRESH_S
-            for simulation in watched:
-                now = time.monotonic()
-                if simulation.tick != tick:
-                    tick, since = simulation.tick, now
-                show_line(words(simulation, now - since))
-                told = True
-        if told:
-            show_line("")
-
-    def words(simulation: Simulation, seconds: float) -> str:
-        if seconds >= PROGRESS_INTERVAL_S:
-            return f"computing tick {simulation.tick:,}, {seconds:.0f} s"
+    def words() -> str:
+        if not watched:
+            return f"preparing {resolved.scenario.name}"
+        simulation, now = watched[0], time.monotonic()
+        if simulation.tick != last[0]:
+            last[:] = simulation.tick, now
+        if now - last[1] >= PROGRESS_INTERVAL_S:
+            return f"computing tick {simulation.tick:,}"
         from automaton.runs.progress import asked_orders
 
         ends = asked_orders(simulation.world).done
@@ -229,13 +218,11 @@ def progress(resolved: Resolved) -> Iterator[Any]:
     def watch(simulation: Simulation) -> None:
         watched[:] = [simulation]
 
-    teller = threading.Thread(target=tell, daemon=True)
-    teller.start()
+    show_line(words)
     try:
         yield watch
     finally:
-        over.set()
-        teller.join()
+        show_line("")
 
 
 def refinement_of(resolved: Resolved) -> dict[str, Any]:

@@ -32,6 +32,7 @@ from automaton.documents.report_document import (
     Panels,
     ReportCurve,
     ReportDocument,
+    ShareBar,
     SvgDrawing,
     Table,
     Text,
@@ -40,9 +41,11 @@ from automaton.documents.report_document import (
 )
 from automaton.documents.text_output import coarse
 from automaton.errors import InputError
-from automaton.units import number
+from automaton.units import number, percent
 
 LEGEND_LINE: Final = 18  # pixels
+SHARE_BAR_HEIGHT: Final = 28  # pixels
+SHARE_LEGEND_COLUMNS: Final = 4
 MOST_SMALL_MARKS: Final = 12  # points of a line with marks in a small chart
 MAP_WIDTH, MAP_HEIGHT = 960, 720  # maximum pixels: width of the page, height of a screen
 WIDEST_CELL: Final = 40  # pixels
@@ -132,6 +135,27 @@ def curves_svg(curves: Curves) -> str:
         y = WHOLE.height + LEGEND_LINE * index + 2
         parts += legend_parts(line.name or curves.y_label, line_style(index), WHOLE.left, y)
     return f"<h4>{escape(title)}</h4>\n{''.join(parts)}</svg>"
+
+
+def share_svg(bar: ShareBar) -> str:
+    """A bar of coloured parts, and their names and shares below."""
+    rows = -(-len(bar.parts) // SHARE_LEGEND_COLUMNS)
+    out = [svg_open(WHOLE.width, SHARE_BAR_HEIGHT + 6 + LEGEND_LINE * rows, bar.title)]
+    step, x = WHOLE.width / SHARE_LEGEND_COLUMNS, 0.0
+    for at, (name, share, colour) in enumerate(bar.parts):
+        wide, text = share * WHOLE.width, f"{name} {percent(share)}"
+        left, top = (
+            at % SHARE_LEGEND_COLUMNS * step,
+            SHARE_BAR_HEIGHT + 6 + at // SHARE_LEGEND_COLUMNS * 18,
+        )
+        out.append(
+            f'<rect x="{x:.1f}" width="{wide:.1f}" height="{SHARE_BAR_HEIGHT}" fill="{colour}">'
+            f"<title>{escape(text)}</title></rect>"
+            f'<rect x="{left:.1f}" y="{top}" width="12" height="12" fill="{colour}"/>'
+            f"{svg_text(left + 17, top + 11, text, 'start')}"
+        )
+        x += wide
+    return f"<h4>{escape(bar.title)}</h4>\n{''.join(out)}</svg>"
 
 
 def panels_html(panels: Panels) -> str:
@@ -451,6 +475,8 @@ def html_parts(block: Block) -> Iterator[str]:
         yield f'<div class="drawing">{curves_svg(block)}</div>'
     elif isinstance(block, Panels):
         yield f'<div class="drawing panels">{panels_html(block)}</div>'
+    elif isinstance(block, ShareBar):
+        yield f'<div class="drawing">{share_svg(block)}</div>'
     elif isinstance(block, SvgDrawing):
         yield f'<div class="drawing site">{block.svg}<p>{escape(block.caption)}</p></div>'
     elif isinstance(block, HeatMap):

@@ -189,6 +189,14 @@ class Panels:
 
 
 @dataclass(frozen=True)
+class ShareBar:
+    """Shares of a whole as one bar with a legend; only terminals and HTML show it."""
+
+    title: str
+    parts: Sequence[tuple[str, float, str]]  # name, share, colour as #rrggbb
+
+
+@dataclass(frozen=True)
 class SvgDrawing:
     """An SVG on pages; as text only its caption."""
 
@@ -229,6 +237,7 @@ Block = (
     | Table
     | Curves
     | Panels
+    | ShareBar
     | SvgDrawing
     | HeatMap
     | Folded
@@ -240,6 +249,8 @@ def has_no_line(block: Block) -> bool:
     """Whether a block is empty, such as a list whose sentences are all optional."""
     if isinstance(block, Listed):
         return not block.items
+    if isinstance(block, ShareBar):
+        return not block.parts
     return isinstance(block, CharacterPicture) and not block.rows
 
 

@@ -30,6 +30,7 @@ from automaton.documents.report_document import (
     PageBreak,
     Panels,
     ReportDocument,
+    ShareBar,
     StyledText,
     SvgDrawing,
     Table,
@@ -37,7 +38,7 @@ from automaton.documents.report_document import (
     has_no_line,
     span,
 )
-from automaton.units import number
+from automaton.units import number, percent
 
 if TYPE_CHECKING:
     import numpy as np
@@ -69,6 +70,7 @@ INTERVAL_DASH: Final = "-"  # likewise
 CHART_HEIGHT: Final = 14
 MIN_CHART_WIDTH, WIDEST_CHART = 9, 60  # columns
 SHADES: Final = ".:-=+*%@"  # from low to high
+PART_MARKS: Final = "█▓▒"  # of neighbouring parts of a bar
 WALL_MARK, EMPTY_MARK = " ", "·"
 
 
@@ -168,6 +170,8 @@ def block_lines(block: Block, width: int, is_styled: bool) -> Iterator[Line]:
         yield from ([*row] for row in block.rows)
     elif isinstance(block, Table):
         yield from table_lines(block, width, is_styled)
+    elif isinstance(block, ShareBar):
+        yield from share_lines(block, width) if is_styled else ()
     elif isinstance(block, Curves | HeatMap):
         drawn = chart(block, width) if isinstance(block, Curves) else shaded(block, width)
         yield from ([(line, "")] for line in drawn)
@@ -393,7 +397,25 @@ def longest_word(text: str) -> int:
     return max(map(cell_width, text.replace(" %", HELD_SIGN).split()), default=0)
 
 
-# Curves and maps of floors in characters.
+# Bars, curves and maps of floors in characters.
+
+
+def share_lines(bar: ShareBar, width: int) -> Iterator[Line]:
+    """A bar of coloured parts, and their names and shares."""
+    columns, share_before, begin = min(width, WIDEST_CHART), 0.0, 0
+    drawn: Line = []
+    legend: list[Line] = [[]]
+    for at, (name, share, colour) in enumerate(bar.parts):
+        mark, text = PART_MARKS[at % len(PART_MARKS)], f" {name} {percent(share, 0)}"
+        share_before += share
+        end = round(share_before * columns)
+        drawn.append((mark * (end - begin), colour))
+        begin = end
+        used = sum(len(part) for part, _ in legend[-1])
+        if used and used + len(text) + 3 > width:
+            legend.append([])
+        legend[-1] += [("  " if legend[-1] else "", ""), (mark, colour), (text, "")]
+    yield from ([(bar.title, "bold")], drawn, *legend)
 
 
 def chart(
@@ -539,7 +561,10 @@ def as_markdown(document: ReportDocument) -> str:
     """The document as Markdown; charts are preformatted text."""
     lines: list[str] = []
     for block in document.blocks:
-        is_drawn = isinstance(block, Panels) and not block.has_intervals  # as SVG alone
+        # as SVG alone
+        is_drawn = isinstance(block, ShareBar) or (
+            isinstance(block, Panels) and not block.has_intervals
+        )
         if not isinstance(block, PageBreak) and not is_drawn and not has_no_line(block):
             lines += [*markdown_lines(block), ""]
     return "\n".join(lines).rstrip() + "\n"

@@ -37,7 +37,7 @@ from automaton.films.recorded_stretch import (
 )
 from automaton.floor.floor_plan import CELL_KINDS
 from automaton.recording.recording_reader import read_recording
-from automaton.units import count
+from automaton.units import count, percent
 from automaton.vocabulary import COLOUR_WORDS, RobotState, phrase_of
 
 GROUND: Final = (
@@ -88,6 +88,9 @@ def _words(stretch: RecordedStretch) -> dict[str, Any]:
         "robots": stretch.resolved.scenario.fleet.robots,
         "first": stretch.first,
         "last": stretch.last,
+        "time_shares": [
+            [name, percent(share), colour] for name, share, colour in stretch.time_shares
+        ],
         "unit": {"size": float(unit.of(1)), "name": unit.plural},
         "battery": floor.battery,
         "headings": floor.headings,

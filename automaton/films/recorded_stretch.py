@@ -30,6 +30,8 @@ from automaton.history.fleet_summary import summary_of
 from automaton.history.playback import Playback
 from automaton.recording.frames import Recording, resolved_of
 from automaton.recording.recording_reader import title_of
+from automaton.runs.metric_catalogue import time_shares
+from automaton.runs.metrics import uses_of_run
 from automaton.runs.simulation import Simulation
 from automaton.scenario.text_files import is_recording
 from automaton.units import Unit, count, number, unit
@@ -47,6 +49,7 @@ class RecordedStretch:
     first: int
     last: int
     recorded: int  # the last tick of the recording
+    time_shares: list[tuple[str, float, str]]  # of the robots' time up to the last tick
 
     @property
     def unit(self) -> Unit:
@@ -99,7 +102,8 @@ def play_stretch(
         playback.go_to(tick)
         columns.take(playback.simulation)
     title = title_of(resolved, recording.header["seed"], frames)
-    return RecordedStretch(resolved, floor, columns, title, begin, end, recording.ticks)
+    shares = time_shares(uses_of_run(playback.simulation))
+    return RecordedStretch(resolved, floor, columns, title, begin, end, recording.ticks, shares)
 
 
 # Data of a film: columns of numbers by robot and tick, and the changes of cells.

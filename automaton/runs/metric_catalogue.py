@@ -6,8 +6,9 @@ This module imports without Numba.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
+from automaton.runs.metric_sums import TRAFFIC_SUMS
 from automaton.units import Unit, duration, unit
 
 if TYPE_CHECKING:
@@ -186,6 +187,64 @@ METRIC_CATALOGUE: dict[str, tuple[str, str]] = {
     ),
     "illegal_answers": ("times", "number of decisions of strategies that broke a rule"),
 }
+
+
+class TimePart(NamedTuple):
+    """A part of the time of robots in drawings."""
+
+    colour: str
+    uses: Mapping[
+        str, str
+    ]  # what belongs to it, with meanings; metrics have theirs in the catalogue
+
+    def ticks(self, uses: Mapping[str, int]) -> int:
+        """Its robot ticks of those of a run."""
+        return sum(uses.get(name, 0) for name in self.uses)
+
+
+# What each robot tick is used for, from orders to idling: the same parts in reports, viewer and films.
+TIME_USES: Final = {
+    "driving loaded": TimePart("#e69f00", {"driving_loaded": "moves with a load, for an order"}),
+    "driving empty": TimePart(
+        "#56b4e9",
+        {
+            "driving_empty": "moves to an order",
+            "driving_aside": "moves and turns without an order: to park, or pushed aside",
+        },
+    ),
+    "turning": TimePart("#0072b2", {"turning": "turns for an order"}),
+    "handling": TimePart("#009e73", {"handling": "picks, drops and stops"}),
+    "station queue": TimePart("#cc79a7", {"lost_station_queue": ""}),
+    "traffic": TimePart("#d55e00", {name: "" for name in (*TRAFFIC_SUMS, "lost_illegal")}),
+    "charging": TimePart(
+        "#f0e442",
+        {
+            "charging": "charging",
+            "driving_to_chargers": "moves and turns on the way to chargers",
+            "lost_charger_queue": "",
+        },
+    ),
+    "down": TimePart(
+        "#6b6b6b",
+        {
+            "down": "broken down or without charge, on the floor",
+            "delayed": "delayed, with nothing under way",
+        },
+    ),
+    "idle": TimePart("#bdbdbd", {"idle": "without an order, parked, or off the floor for repair"}),
+}
+USE_MEANINGS: Final = {
+    name: meaning or METRIC_CATALOGUE[name][1]
+    for part in TIME_USES.values()
+    for name, meaning in part.uses.items()
+}
+
+
+def time_shares(uses: Mapping[str, int]) -> list[tuple[str, float, str]]:
+    """Name, share and colour of each part of the robots' time that is not 0."""
+    total = max(sum(uses.values()), 1)
+    shares = ((name, part.ticks(uses) / total, part.colour) for name, part in TIME_USES.items())
+    return [one for one in shares if one[1]]
 
 
 def units_of(resolved: Resolved) -> tuple[Unit, Unit | None]:

@@ -7,6 +7,8 @@ operations, and by ticks (MOVE, TURN and WAIT without load over all active ticks
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -377,27 +379,31 @@ def _has_queues(world: World) -> bool:
 
 
 # What robot time is used for, beside LOST_TICK_SUMS: sums, and what they are.
-OTHER_USES = {
-    "on_orders": "driving to orders and with them, picks, drops and stops",
-    "charging": "charging",
-    "driving_to_chargers": "moves and turns on the way to chargers",
-    "driving_aside": "moves and turns without an order: to park, or pushed aside",
-    "down": "broken down or without charge, on the floor",
-    "delayed": "delayed, with nothing under way",
-    "idle": "without an order, parked, or off the floor for repair",
-}
-
-
 def uses_of_run(run: Measured) -> dict[str, int]:
-    """Robot ticks by what they were used for, which add up to those of the run."""
-    now = counted(run)
-    uses = {"on_orders": now.sums["on_orders"]}
+    """Robot ticks by what they were used for (names of TIME_USES), which add up to those of the run."""
+    now, world = counted(run), run.world
+    ticks, to_charger = fleet_ticks(world), uses_of_time(world).to_charger.sum(0)
+    turns = int(ticks[ACTION_TURN].sum() - to_charger[ACTION_TURN])
+    empty = int(ticks[ACTION_MOVE, 0] - to_charger[ACTION_MOVE])
+    handling = int(ticks[WORK].sum())
+    # Undone and aimless ways are counted without their actions: they are taken from all in proportion.
+    without_order = scaled((empty, turns), empty + turns - now.sums["driving_aside"])
+    ways = scaled((int(ticks[ACTION_MOVE, 1]), *without_order), now.sums["on_orders"] - handling)
+    uses = dict(zip(("driving_loaded", "driving_empty", "turning"), ways, strict=True))
+    uses["handling"] = handling
     uses |= {name: now.sums[name] for name in LOST_TICK_SUMS if name in now.sums}
     uses["charging"] = int(now.actions[ACTION_CHARGE])
     uses |= {name: now.sums[name] for name in ("driving_to_chargers", "driving_aside")}
     uses |= {"down": int(now.actions[ACTION_DOWN]), "delayed": int(now.actions[ACTION_DELAYED])}
-    uses["idle"] = now.tick * len(run.world.robots.cell) - sum(uses.values())
+    uses["idle"] = now.tick * len(world.robots.cell) - sum(uses.values())
     return uses
+
+
+def scaled(parts: Sequence[int], total: int) -> list[int]:
+    """Whole numbers in the proportion of `parts` that add up to a total."""
+    all_parts = max(sum(parts), 1)
+    sums = [round(total * sum(parts[: at + 1]) / all_parts) for at in range(len(parts))]
+    return [after - before for before, after in pairwise((0, *sums))]
 
 
 def metrics_by_robot(run: Measured) -> list[dict[str, Any]]:

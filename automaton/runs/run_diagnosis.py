@@ -33,6 +33,7 @@ from automaton.runs.progress import (
     stuck_robots,
 )
 from automaton.runs.simulation import RECORD_TICKS, Simulation
+from automaton.scenario.schema import Faults
 from automaton.units import count, listed
 from automaton.vocabulary import CONDITION_WORDS
 
@@ -181,6 +182,24 @@ def _identities(world: World, cycle: list[int]) -> tuple[int, ...]:
     return (*names[least:], *names[:least])
 
 
+def permanent_deadlock(simulation: Simulation) -> int | None:
+    """The tick in which a deadlock began that the run can only repeat; None without one.
+
+    No robot has been active for `starved_ticks`, and nothing is to come that could free one: no order,
+    break, gate, fault or empty battery.
+    """
+    world, tick, scenario = simulation.world, simulation.tick, simulation.resolved.scenario
+    inside = world.deadlocks.number > 0
+    if not inside.any() or int(world.tally.active.max()) > tick - starved_ticks(world):
+        return None
+    breaks = world.pod_stations.breaks
+    may_fail = scenario.battery is not None or scenario.faults != Faults()
+    may_open = len(world.gates.kind) > 0 or bool((breaks[:, 2] > tick).any())
+    if may_fail or may_open or not asked_orders(world).is_known.all():
+        return None
+    return int(world.deadlocks.since[inside].min())
+
+
 # Detection of jams during a run. Each jam is reported once.
 
 
@@ -230,8 +249,7 @@ class JamWatch:
 
 def note_jam(where: str, tick: int, jam: Jam) -> str:
     """Print on stderr that a run has jammed, and return it; `where`: the scenario, the run of a study."""
-    begin = "\r\x1b[K" if sys.stderr.isatty() else ""  # overwrites the progress line
     sys.stdout.flush()  # keeps the order of lines if both streams go to one file
     words = f"tick {tick:,}: {describe_jam(jam)[0]}"
-    print(f"{begin}automaton: {where}: {words}\n", end="", file=sys.stderr, flush=True)
+    print(f"automaton: {where}: {words}\n", end="", file=sys.stderr, flush=True)
     return words

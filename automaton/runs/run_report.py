@@ -11,15 +11,21 @@ from automaton.documents.report_document import (
     Listed,
     NumberText,
     ReportDocument,
+    ShareBar,
     Table,
     Text,
 )
 from automaton.documents.text_output import print_document
 from automaton.runs.bottleneck import bottleneck_sentences, flow_name, rate
 from automaton.runs.headless import LongestDeadlock, Outcome
-from automaton.runs.metric_catalogue import PER_1000_TICKS, units_of
+from automaton.runs.metric_catalogue import (
+    METRIC_CATALOGUE,
+    PER_1000_TICKS,
+    USE_MEANINGS,
+    time_shares,
+    units_of,
+)
 from automaton.runs.metric_sums import TRAFFIC_SUMS
-from automaton.runs.metrics import METRIC_CATALOGUE, OTHER_USES
 from automaton.runs.periods import Period, moment
 from automaton.runs.run_diagnosis import describe_jam, describe_wait_cycles
 from automaton.scenario.schema import Scenario
@@ -75,6 +81,7 @@ def run_document(resolved: Resolved, outcome: Outcome) -> ReportDocument:
     )
     if outcome.by_period:
         document.add(periods_table(resolved, outcome.periods, outcome.metrics))
+    document.add(ShareBar("where the time of the robots went", time_shares(outcome.uses)))
     document.add(uses_table(outcome))
     document.add(Heading("All metrics", 3), metrics_table(outcome, tick, cell))
     document.add(*([types_table(outcome, tick)] if outcome.types else []))
@@ -216,9 +223,8 @@ def uses_table(outcome: Outcome) -> Table:
     for name, ticks in outcome.uses.items():
         if not ticks:
             continue
-        meaning = OTHER_USES.get(name) or METRIC_CATALOGUE[name][1]
         mean = robots * ticks / total
-        rows.append([name, f"{mean:.2f}", percent(ticks / total), meaning])
+        rows.append([name, f"{mean:.2f}", percent(ticks / total), USE_MEANINGS[name]])
     return Table(("robot time", "robots", "share", "what it is"), rows, also_left=(3,))
 
 

@@ -13,7 +13,7 @@ import pytest
 
 from automaton.commands import main
 from automaton.commands.arguments import settings_in
-from automaton.studies.model_pairs import Change, compare_pairs
+from automaton.studies.tuning import Change, compare_pairs
 from automaton.world.resolve import resolve
 
 MONDAY = datetime.datetime(2026, 3, 2)

@@ -10,6 +10,7 @@ import pytest
 from doc_commands import in_this_process
 from sweep_studies import small_study
 
+from automaton.commands import COMMANDS as ALL_COMMANDS
 from automaton.commands import main
 
 WIDTHS = (60, 80, 120)
@@ -33,6 +34,8 @@ COMMANDS = {
     "streets": "streets crossing --out {folder}/found --runs 96 --dry-run --workers 1",
     "tune": "tune tabletop-mini --budget 60 --workers 1",
     "bench": "bench --only tables --repeat 1",
+    "told": "replay {folder}/a.rec --describe --only orders",
+    "exported": "export goods-mini --lif {folder}/a.lif",
 }
 TIMES = re.compile(r"computed in \S+ ms|\(?[\d,.]+ (s|ms|minutes)\b\S*")
 DRAWN = re.compile(r"^[^A-Za-z]*$|[|+].*[|:o-]{3}|^ {8}")  # scales and curves, which do not wrap
@@ -83,3 +86,15 @@ def test_lines_fit_and_words_are_whole(
         if name != "bench":
             assert words(lines) - whole == set(), "a word is cut"
             assert not {one for one in whole - words(lines) if len(one) > 12}, "a word is lost"
+
+
+@pytest.mark.parametrize("name", ["", *ALL_COMMANDS])
+def test_help_fits_and_its_words_are_complete(
+    name: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    command = f"{name} --help".strip()
+    complete = words(printed(command, NO_LIMIT, capsys, monkeypatch))
+    for width in WIDTHS:
+        lines = printed(command, width, capsys, monkeypatch)
+        assert [line for line in lines if len(line) > width] == []
+        assert words(lines) == complete

@@ -6,12 +6,14 @@ import io
 
 import pytest
 
+from automaton.documents.html_output import as_html
 from automaton.documents.report_document import (
     INDENT,
     CharacterPicture,
     Heading,
     Listed,
     ReportDocument,
+    ShareBar,
     StyledText,
     Table,
     Text,
@@ -141,3 +143,17 @@ def test_a_terminal_gets_emphasis_in_place_of_rules(monkeypatch: pytest.MonkeyPa
     assert "\x1b[1mtitle" in on_terminal(STYLED) and "\nholds\n" in on_terminal(STYLED)
     monkeypatch.setenv("TERM", "dumb")
     assert on_terminal(STYLED) == as_text(STYLED)
+
+
+def test_shares_are_a_bar_on_terminals_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("TERM", "xterm-256color")
+    monkeypatch.setenv("NO_COLOR", "1")
+    monkeypatch.setenv("COLUMNS", "20")
+    bar = ShareBar("time", [("driving", 0.75, "#e69f00"), ("idle", 0.25, "#bdbdbd")])
+    text = on_terminal(ReportDocument("", [bar])).splitlines()
+    assert text[1:] == ["█" * 15 + "▓" * 5, "█ driving 75 %", "▓ idle 25 %"]
+    assert (
+        as_text(ReportDocument("", [bar])) == as_markdown(ReportDocument("", [bar])).strip() == ""
+    )
+    drawing = as_html(ReportDocument("", [bar]))
+    assert 'width="480.0"' in drawing and "driving 75.0 %" in drawing

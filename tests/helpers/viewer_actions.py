@@ -156,6 +156,12 @@ async def jam(user: Watched) -> None:
 
 
 @check
+async def deadlock(user: Watched) -> None:
+    await press(user, "deadlock")
+    await user.until(lambda: "no deadlock" in said(user.display.info))
+
+
+@check
 async def next_robot(user: Watched) -> None:
     user.session.choose(2)
     await press(user, "next_robot")

@@ -12,6 +12,7 @@ from whole_floors import drawn_whole, resolved_whole
 from automaton.engine.state import GOAL_STOP
 from automaton.errors import InputError
 from automaton.runs.headless import run_once
+from automaton.runs.metric_catalogue import USE_MEANINGS, time_shares
 from automaton.runs.metrics import counted, metrics_by_robot, metrics_of, uses_of_run, uses_of_time
 from automaton.runs.periods import Period, PeriodMarks
 from automaton.runs.simulation import Simulation
@@ -61,7 +62,10 @@ def check_uses(resolved: Resolved, until: int) -> None:
     for name in (name for name in figures if name.startswith("lost_")):
         assert figures[name] == sum(row[name] for row in robots) == uses[name]
     shares = (row["utilization"] for row in robots)
-    assert sum(shares) * run.tick == pytest.approx(uses["on_orders"])
+    on_orders = ("driving_loaded", "driving_empty", "turning", "handling")
+    assert sum(shares) * run.tick == pytest.approx(sum(uses[name] for name in on_orders))
+    assert uses.keys() <= USE_MEANINGS.keys()
+    assert sum(share for _, share, _ in time_shares(uses)) == pytest.approx(1)
 
 
 def whole(seed: int) -> Resolved:

@@ -14,7 +14,7 @@ from automaton.history.divergence import Divergence
 from automaton.history.playback import Playback
 from automaton.history.snapshot import Snapshot
 from automaton.history.watched_run import WatchedRun
-from automaton.runs.metrics import OPERATION_STATES, executed_ticks, metrics_of
+from automaton.runs.metrics import OPERATION_STATES, executed_ticks, metrics_of, uses_of_run
 from automaton.runs.periods import Period
 from automaton.runs.progress import Jam, largest_jam, starved_robots
 from automaton.runs.simulation import Simulation
@@ -51,6 +51,9 @@ class PlaybackState:
     divergence: Divergence | None = None  # of two live runs, once known
     # By run: (n, k) int32 cells that robots passed through, or NIL.
     trails: tuple[Array, ...] = ()
+    stuck: int | None = (
+        None  # first tick of the deadlock at which it stopped, as it can only repeat
+    )
 
     @property
     def end(self) -> int | None:
@@ -74,6 +77,7 @@ class RunFigures:
     starved: Array  # (k,) identities of starved robots, ascending
     jam: Jam | None  # the largest group of these that stands together
     periods: tuple[Period, ...]  # that have ended by then
+    uses: dict[str, int]  # robot ticks by use
 
 
 def figures_of(run: WatchedRun) -> RunFigures:
@@ -86,7 +90,16 @@ def figures_of(run: WatchedRun) -> RunFigures:
     starved = np.sort(world.robots.identity[starved_robots(world)])
     jam = largest_jam(world, run.floor_plan)
     periods = tuple(run.periods())
-    return RunFigures(shown.tick, metrics_of(shown), operations, active, starved, jam, periods)
+    return RunFigures(
+        tick=shown.tick,
+        metrics=metrics_of(shown),
+        operations=operations,
+        active=active,
+        starved=starved,
+        jam=jam,
+        periods=periods,
+        uses=uses_of_run(shown),
+    )
 
 
 class RecordedCells:

@@ -23,6 +23,7 @@ from automaton.history.divergence import Divergence
 from automaton.history.live_run import LiveDivergence, LiveRun
 from automaton.history.snapshot import Snapshot, take_snapshot
 from automaton.history.watched_run import COMPUTE_SLICE_S, WatchedRun
+from automaton.runs.run_diagnosis import permanent_deadlock
 from tui.playback.playback_state import (
     LongTick,
     Overlays,
@@ -80,6 +81,8 @@ class Player:
         self._breakpoints: list[Breakpoint] = []
         self._stops, self._stopped, self._error = 0, "", ""
         self._hit: Hit | None = None  # the breakpoint that stopped it
+        self._stuck: int | None = None  # the deadlock that stopped it, which does so once
+        self._may_be_stuck = True
         self._overlays = [Overlays() for _ in self.runs]
         live = [run for run in self.runs if isinstance(run, LiveRun)]
         self._divergence = LiveDivergence(*live) if len(live) == 2 else None
@@ -299,7 +302,7 @@ class Player:
 
     def _clear_stop(self) -> None:
         """Clear the reason of the last stop."""
-        self._hit, self._stopped, self._error = None, "", ""
+        self._hit, self._stopped, self._error, self._stuck = None, "", "", None
 
     def _choose(self, robot: int, layer: str) -> None:
         self._selected, self._layer = robot, layer
@@ -315,7 +318,7 @@ class Player:
         before, self.runs[0] = self.runs[0], fresh
         fresh.give_up = self._is_closing
         before.close()
-        self._error = ""
+        self._error, self._may_be_stuck = "", True
         self._set_target(fresh.tick)
         self._figures_at = -math.inf
         done("")
@@ -337,6 +340,7 @@ class Player:
             self._busy_since = math.inf
         if self._tick != before:
             self._stale = True
+            self._stop_if_stuck(forwards=self._tick > before)
         if self._tick == self._goal or (self._goal is not None and self._tick == before):
             self._report_lost_past()
             self._goal = None
@@ -346,6 +350,18 @@ class Player:
             self._stale = True
         elif math.isinf(self._clock_speed) or self._tick != goal:
             self._anchor = (time.monotonic(), self._tick)
+
+    def _stop_if_stuck(self, forwards: bool) -> None:
+        """Halt, once, where live runs can only repeat a deadlock."""
+        fronts = [run.leading_simulation for run in self.runs if run.live and run.end is None]
+        if not (self._may_be_stuck and forwards and fronts):
+            return
+        begun = [permanent_deadlock(front) for front in fronts if front.tick == self._tick]
+        first = min((tick for tick in begun if tick is not None), default=None)
+        if len(begun) == len(fronts) and None not in begun and first is not None:
+            self._halt()
+            self._stops += 1
+            self._stuck, self._may_be_stuck = first, False
 
     def _report_lost_past(self) -> None:
         """Report a requested tick that a long run without a recording has discarded."""
@@ -483,6 +499,7 @@ class Player:
             error=self._error or trouble,
             failed=failed,
             divergence=self._parted,
+            stuck=self._stuck,
             trails=tuple(
                 trails.at(run.shown)
                 for trails, run in zip(

@@ -54,7 +54,8 @@ class ClockActions:
     def go_to(self, tick: int, stop_at_breakpoints: bool = False) -> None:
         """Go to a tick and pause; with `stop_at_breakpoints`, pause at the first one before it."""
         if self._session.ready():
-            self._session.goal = tick
+            playback = self._session.playback
+            self._session.goal, self._session.goal_from = tick, playback.tick if playback else 0
             self._player.seek(tick, stop_at_breakpoints)
             self._session.ordered()
 
@@ -148,6 +149,7 @@ class FindActions:
             "previous_robot": partial(self._neighbour, -1),
             "next_difference": self._go_to_difference,
             "jam": self._go_to_jam,
+            "deadlock": self._go_to_deadlock,
             "clear": self._clear,
         }
 
@@ -279,7 +281,26 @@ class FindActions:
         else:
             session.notify("no jam: no robots stand together without progress for long")
 
+    def _go_to_deadlock(self) -> None:
+        session = self._session
+        if not session.ready() or session.playback is None:
+            return
+        if (stuck := session.playback.stuck) is not None:
+            self._clock.go_to(stuck)
+            return
+        ticks = session.runs[session.choice.side].event_history.deadlocks
+        before = ticks[ticks < session.playback.tick]
+        if len(before):
+            self._clock.go_to(int(before[-1]))
+        else:
+            session.notify("no deadlock so far")
+
     def _clear(self) -> None:
+        if self._session.goal is not None and self._session.player is not None:
+            self._session.goal = None  # on the way to a tick: stop there
+            self._session.player.pause()
+            self._session.ordered()
+            return
         self._session.choose()
         self._found, self._stepping = None, "events"
         self._session.choice.matches = self._session.choice.match_cells = NO_CELLS

@@ -24,7 +24,7 @@ from automaton.engine.jit.compile_progress import COMPILING
 from automaton.engine.state import NIL
 from automaton.errors import InputError
 from automaton.history.divergence import Divergence, first_difference
-from automaton.units import unit
+from automaton.units import percent, unit
 from tui.playback.frame_cache import Pictures, robot_cell
 from tui.playback.run_source import Opening
 from tui.registration import failure, layer_named
@@ -102,7 +102,8 @@ class Session:
         self.speed = options.speed
         self.live = opening.live  # also after a branch from a recording
         self.titles = list(opening.titles)
-        self.goal = options.at  # a requested tick, before which the run may end
+        self.goal = options.at  # a requested tick, before which the run may end,
+        self.goal_from = 0  # and the tick at which it was requested
         self.error = ""  # why there is no run
         self.broken = ""  # why two runs cannot be compared
         self.hovered = NIL  # the cell under the mouse
@@ -405,7 +406,8 @@ class Display:
         self._report_unreachable_tick(playback)
         session.divergence = playback.divergence or session.divergence
         if playback.stops > (0 if before is None else before.stops):
-            session.mark(playback.tick, "stop")
+            if playback.stuck is None:
+                session.mark(playback.tick, "stop")
             session.goal = None  # the breakpoint ended the way to it
             session.choice.side = playback.side
             if playback.breakpoint_robots:
@@ -526,6 +528,16 @@ class Display:
             return [word(error, styles.COLOUR_FAULT, "play_pause")]
         if playback is not None and (compiling := COMPILING.now()):  # a branch may compile
             return [word(compiling.words, styles.COLOUR_CURSOR)]
+        if playback is not None and playback.stuck is not None:
+            stuck = (
+                f"deadlock since tick {playback.stuck:,} can only repeat: d goes to its beginning"
+            )
+            return [word(stuck, styles.COLOUR_FAULT, "deadlock")]
+        if session.goal is not None and playback is not None and playback.tick < session.goal:
+            way = session.goal - session.goal_from
+            share = percent(max(0, playback.tick - session.goal_from) / way, 0)
+            going = f"going to {session.goal:,}: {share}, esc stops"
+            return [word(going, styles.COLOUR_CURSOR, "clear")]
         if session.player is not None and (slow := session.player.computing()):
             return [word(long_tick_words(*slow), styles.COLOUR_CURSOR)]
         if playback is not None and playback.stopped:

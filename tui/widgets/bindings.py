@@ -132,7 +132,13 @@ _FIXED: Final = (
             Action(
                 "jam", "J", "Jam", "the largest jam: robots without progress, n goes through them"
             ),
-            Action("clear", "escape", "Clear", "clear selection, matches, following"),
+            Action("deadlock", "d", "Deadlock", "to the latest deadlock"),
+            Action(
+                "clear",
+                "escape",
+                "Clear",
+                "clear selection, matches, following; stop going to a tick",
+            ),
             Action("breakpoints", "b", "Stops", "conditions that stop the run", True, 20),
             Action("branch", "B", "Branch", "go on with other settings from here", place=20),
         ),

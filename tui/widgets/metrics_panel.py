@@ -39,7 +39,7 @@ from automaton.engine.state import (
 from automaton.history.event_history import Curve
 from automaton.history.fleet_summary import FleetSummary, summarize
 from automaton.runs.bottleneck import flow_name, rate, rate_unit
-from automaton.runs.metrics import METRIC_CATALOGUE
+from automaton.runs.metric_catalogue import METRIC_CATALOGUE, time_shares
 from automaton.runs.periods import Period
 from automaton.units import count, number, percent
 from tui.playback.panel_view import JamChosen, TickChosen, View, middle_robot
@@ -94,6 +94,7 @@ class Figures(TextPanel):
         parts = (
             self._now(view, width),
             *((periods, *curves) if by_hour else (*curves, periods)),
+            self._time(view, width),
             self._lost(view, width),
             slow_zones(view),
             self._all(view, width),
@@ -226,6 +227,18 @@ class Figures(TextPanel):
             label, body = text[:LABEL_WIDTH], text[LABEL_WIDTH:]
             lines.append(line(dim(label), Span(body, look, ("curve", ticks))))
         return lines
+
+    def _time(self, view: View, width: int) -> list[Line]:
+        """Where the time of the robots went, as in reports."""
+        room = max(0, width - NAME_COLUMNS - 9)
+        shares = time_shares(view.measured.uses)
+        most = max((share for _, share, _ in shares), default=1)
+        rows = [
+            line(f"{name:<{NAME_COLUMNS}} ", bar(share / most, room, self.signs), f"{text:>8}")
+            for name, share, _ in shares
+            if (text := percent(share))
+        ]
+        return [line(title("where the time went")), *rows] if rows else []
 
     def _lost(self, view: View, width: int) -> list[Line]:
         """Robot ticks lost by cause."""

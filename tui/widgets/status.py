@@ -208,7 +208,8 @@ def mode_word(
     """The kind of run, or how it ended; the end is never omitted, however narrow the screen."""
     if playback.failed:
         return word("failed", styles.COLOUR_FAULT, "play_pause")
-    if playback.ended(side) and playback.snapshots[side].robots.wait_cycle_ticks.any():
+    is_over = playback.ended(side) or playback.stuck is not None
+    if is_over and playback.snapshots[side].robots.wait_cycle_ticks.any():
         return word("deadlocked", styles.COLOUR_FAULT, "why")
     if playback.ended(side):
         return word(

@@ -41,6 +41,17 @@ async function unpacked() {
 }
 
 const of = (name, robot, tick) => columns[name][robot * TICKS + tick];
+function showTimes() { // a bar for each part of the robots' time
+  for (const [name, share, colour] of film.time_shares) {
+    const [term, value, bar] = ["dt", "dd", "i"].map((tag) => document.createElement(tag));
+    term.textContent = name;
+    value.textContent = share;
+    bar.style.background = colour;
+    bar.style.width = share.replace(" ", "");
+    $("times").append(term, value, bar);
+  }
+}
+
 const figure = (name, tick) => columns.figures[film.figures.indexOf(name) * TICKS + tick];
 const colours = () => film.colours[theme];
 const tickNow = () => Math.min(TICKS - 1, Math.floor(now));
@@ -463,6 +474,7 @@ function showTheme() {
 function otherTheme() {
   theme = theme === "dark" ? "light" : "dark";
   showTheme();
+  showTimes();
 }
 
 function setSpeed(value) {
@@ -580,6 +592,7 @@ async function begin() {
   listen();
   fit();
   showTheme();
+  showTimes();
   readAddress();
   addEventListener("hashchange", readAddress);
   if (following && scale < 12) scale = 24;

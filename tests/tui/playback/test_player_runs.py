@@ -248,3 +248,25 @@ def test_live_runs_with_other_fleets_differ_from_the_start(clock: ManualClock) -
     player = manual_player(clock, live("fleet.robots=2"), live("fleet.robots=3"))
     parted = player.settle().divergence
     assert parted is not None and parted.tick == 0
+
+
+# A deadlock that can only repeat
+
+
+def test_it_stops_once_where_a_deadlock_can_only_repeat(clock: ManualClock) -> None:
+    player = manual_player(clock, live("fleet.robots=5", "strategy.right_of_way=wait"))
+    player.seek(20_000)
+    stopped = player.settle()
+    assert stopped.stuck is not None and stopped.stops == 1
+    assert stopped.stuck + 500 <= stopped.tick < 20_000
+    before = player.runs[0].leading_simulation.world.robots.cell.copy()
+    player.seek(stopped.tick + 300)  # asked again, it goes on
+    later = player.settle()
+    assert (later.tick, later.stuck) == (stopped.tick + 300, None)
+    assert (player.runs[0].leading_simulation.world.robots.cell == before).all()
+
+
+def test_a_fleet_that_delivers_is_never_taken_for_stuck(clock: ManualClock) -> None:
+    player = manual_player(clock, live(*FLEET))
+    player.seek(20_000)
+    assert player.settle().stuck is None

@@ -21,7 +21,7 @@ from tui.render.styles import UNICODE, Codes, GlyphSet
 
 NEAR = ["3x1", "2x1", "1x1"]  # steps of the ladder
 DRAWN = ["4x2", "6x3", "8x4"]  # at which robots are drawn
-ALL = [*NEAR, "half", "braille 1"]
+ALL = [*NEAR, "half", "quadrants", "braille 1"]
 FIELDS = {  # of a robot that stands still and does nothing
     **dict.fromkeys(("cell", "claim", "load", "order", "slot", "bay", "blocker"), NIL),
     "type": 0,

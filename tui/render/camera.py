@@ -5,13 +5,18 @@ camera is a window on this picture. The steps range from cells with drawn robots
 many cells.
 
     8x4 6x3 4x2   columns x rows of characters per cell: robots and cells are drawn
+    3x1.5         a row for a sign and a number, and half a row in the same colour
     3x1 2x1 1x1   one row per cell: a sign for each, with a number where there is room
+    1.5x0.75      half blocks, one or two for a cell: 2 x 4 cells in 3 x 3 characters
     half          half blocks: 1 x 2 cells per character
-    braille k     2 x 4 dots per character, k x k cells per dot
+    quadrants     2 x 2 quarters of a character: 2 x 3 cells per character
+    braille k     2 x 4 dots per character, k x k cells per dot; with k = 1.5 one or two
 
-A character is about twice as high as wide, so that 2n x n characters form a square. Steps larger
+A character is about twice as high as wide, so that 2n x n characters form a square. Each step has
+at least 0.6 times the rows of the one before, so that some step fills the screen. Steps larger
 than 8x4 exist if the whole floor fits at them. Where square cells would leave much of the screen
-empty, an extra step has cells that are slightly too wide or too high.
+empty, an extra step has cells that are slightly too wide or too high; a floor that is about square
+has none and always looks square.
 """
 
 from __future__ import annotations
@@ -29,13 +34,17 @@ Place = tuple[int, int]  # row, column of the screen
 ALWAYS_DRAWN: Final = 4  # steps up to this number of rows per cell exist for floors of any size
 ENOUGH: Final = 0.6  # share of the screen that square cells must cover to remain square
 MAX_STRETCH: Final = 1.5  # maximum ratio of a cell's sides
+SQUARE: Final = 1.25  # ratio of a floor's sides up to which it has to look square
+SQUARE_STRETCH: Final = (
+    1.34  # maximum ratio of a cell's sides where the whole of such a floor shows
+)
 
 
 class Zoom(NamedTuple):
-    """One step: `across` x `down` cells per character, or `width` x `height` characters per cell."""
+    """One step: `across` x `down` cells in `width` x `height` characters."""
 
     name: str
-    kind: Literal["cells", "pixels", "dots"]
+    kind: Literal["cells", "pixels", "quarters", "dots"]
     width: int = 1
     across: int = 1
     down: int = 1
@@ -52,19 +61,43 @@ class Zoom(NamedTuple):
         return self.height * self.width / (self.down * self.across)
 
     @property
+    def text_rows(self) -> int:
+        """Whole rows of characters in each cell."""
+        return self.height // self.down
+
+    @property
     def is_drawn(self) -> bool:
         """Whether a cell is several rows high, so that robots and cells are drawn."""
-        return self.height > 1
+        return self.text_rows > 1
+
+    @property
+    def is_enlarged(self) -> bool:
+        """Whether cells are fewer than pixels, and pixels more than characters."""
+        return self.kind == "pixels" and self.height > 1
+
+    def first_row(self, y: int) -> int:
+        """The row of characters where row y of cells begins; a row shared by two is the upper one's."""
+        if self.kind == "cells":
+            return -(-y * self.height // self.down)
+        return y * self.height // self.down
 
     def size(self, floor: Place) -> Place:
         """Rows and columns of the picture of a floor of this size in cells."""
-        rows, columns = -(-floor[0] // self.down), -(-floor[1] // self.across)
-        return rows * self.height, columns * self.width
+        rows, columns = (
+            -(-floor[0] * self.height // self.down),
+            -(-floor[1] * self.width // self.across),
+        )
+        return rows, columns
 
 
 ZOOM_SQUARE: Final = Zoom("2x1", "cells", 2)
 ZOOM_ONE_TO_ONE: Final = Zoom("1x1", "cells")
+ZOOM_ROW_AND_HALF: Final = Zoom("3x1.5", "cells", 3, 1, 2, 3)
+ZOOM_ENLARGED: Final = Zoom("1.5x0.75", "pixels", 3, 2, 4, 3)
 ZOOM_HALF: Final = Zoom("half", "pixels", 1, 1, 2)
+ZOOM_QUARTERS: Final = Zoom("quadrants", "quarters", 1, 2, 3)
+# Dots, quarters and pixels of a character: rows and columns.
+CHARACTER_DOTS: Final[dict[str, Place]] = {"pixels": (2, 1), "quarters": (2, 2), "dots": (4, 2)}
 
 
 def drawn(width: int, height: int) -> Zoom:
@@ -78,9 +111,9 @@ def with_identities(robots: int) -> Zoom:
     return Zoom(f"{width}x1", "cells", width)
 
 
-def dots(k: int) -> Zoom:
-    """Braille with k x k cells per dot."""
-    return Zoom(f"braille {k}", "dots", 1, 2 * k, 4 * k)
+def dots(k: float) -> Zoom:
+    """Braille with k x k cells per dot, k a whole number or 1.5."""
+    return Zoom(f"braille {k:g}", "dots", 1, round(2 * k), round(4 * k))
 
 
 def zoom_ladder(floor: Place, screen: Place, robots: int) -> tuple[Zoom, ...]:
@@ -88,11 +121,18 @@ def zoom_ladder(floor: Place, screen: Place, robots: int) -> tuple[Zoom, ...]:
 
     The last one shows the whole floor.
     """
-    near = [*_squares(floor, screen), with_identities(robots), ZOOM_SQUARE, ZOOM_ONE_TO_ONE]
-    if (filling := _filling(floor, screen, near)) is not None:
+    near = [*_squares(floor, screen), with_identities(robots), ZOOM_ROW_AND_HALF]
+    near += [ZOOM_SQUARE, ZOOM_ENLARGED, ZOOM_ONE_TO_ONE]
+    filling = None if is_square(floor) else _filling(floor, screen, near)
+    if filling is not None:
         near.append(filling)
     near.sort(key=lambda zoom: zoom.area, reverse=True)
-    return (*near, ZOOM_HALF, *_braille(floor, screen))
+    return (*near, ZOOM_HALF, ZOOM_QUARTERS, *_braille(floor, screen))
+
+
+def is_square(floor: Place) -> bool:
+    """Whether a floor has to look square."""
+    return max(floor) <= SQUARE * min(floor)
 
 
 def fits(zoom: Zoom, floor: Place, screen: Place) -> bool:
@@ -137,20 +177,19 @@ def _filling(floor: Place, screen: Place, steps: list[Zoom]) -> Zoom | None:
 
 def stretch(zoom: Zoom) -> float:
     """The ratio of the longer side of a cell to the shorter: 1 is a square."""
-    ratio = zoom.width / (2 * zoom.height)
+    rows, columns = zoom.scale
+    ratio = columns / (2 * rows)
     return max(ratio, 1 / ratio)
 
 
 def _braille(floor: Place, screen: Place) -> list[Zoom]:
-    """k = 1, 2, 3, 5, 8, ..., and finally the smallest k at which the floor fits."""
-    last = 1
-    while not fits(dots(last), floor, screen):
-        last += 1
-    k, after, steps = 1, 2, []
+    """k = 1, 1.5, 2, 3, 5, 8, ..., and finally the smallest of 1, 1.5, 2, 3, 4 ... at which it fits."""
+    last = next(k for k in (1, 1.5, *range(2, max(floor) + 2)) if fits(dots(k), floor, screen))
+    k, after, steps = 2, 3, [1, 1.5]
     while k < last:
-        steps.append(dots(k))
+        steps.append(k)
         k, after = after, k + after
-    return [*steps, dots(last)]
+    return [*(dots(k) for k in steps if k < last), dots(last)]
 
 
 class CellRectangle(NamedTuple):
@@ -209,8 +248,11 @@ class Camera:
     # Zooming.
 
     def fit(self) -> None:
-        """Centre the floor at the largest step at which all of it fits."""
-        self.zoom = next((zoom for zoom in self.ladder if self._fits(zoom)), self.ladder[-1])
+        """Centre the floor at the largest step at which all of it fits, and looks square if it is."""
+        limit = SQUARE_STRETCH if is_square((self.height, self.width)) else np.inf
+        fitting = [zoom for zoom in self.ladder if self._fits(zoom)]
+        square = [zoom for zoom in fitting if stretch(zoom) <= limit]
+        self.zoom = (square or fitting)[0]
         self._y, self._x = self.height / 2, self.width / 2
         self._settle(self._range(0), self._range(1))
 
@@ -235,8 +277,8 @@ class Camera:
         on_floor = self.cell_at(row, column) is not None
         y, x = self._floor_at(row, column)
         self.zoom = zoom = self.ladder[index]
-        top = (y // zoom.down - row // zoom.height) * zoom.height
-        left = (x // zoom.across - column // zoom.width) * zoom.width
+        top = -(-(zoom.first_row(y) - row) // zoom.height) * zoom.height
+        left = -(-(x * zoom.width // zoom.across - column) // zoom.width) * zoom.width
         if steps > 0 or not on_floor:
             top, left = _inside(top, *self._range(0)), _inside(left, *self._range(1))
         self.top, self.left = top, left
@@ -288,8 +330,8 @@ class Camera:
         y, x = y - self.shown.top, x - self.shown.left
         if not (0 <= y < self.height and 0 <= x < self.width):
             return None
-        row = y // self.zoom.down * self.zoom.height - self.top
-        column = x // self.zoom.across * self.zoom.width - self.left
+        row = self.zoom.first_row(y) - self.top
+        column = x * self.zoom.width // self.zoom.across - self.left
         if -self.zoom.height < row < 0:
             row = 0  # the upper edge cuts the cell
         if -self.zoom.width < column < 0:
@@ -298,11 +340,16 @@ class Camera:
         return (row, column) if inside else None
 
     def rectangle_at(self, row: int, column: int) -> CellRectangle:
-        """The cells that the character at a place of the screen represents."""
-        zoom = self.zoom
-        y = (row + self.top) // zoom.height * zoom.down + self.shown.top
-        x = (column + self.left) // zoom.width * zoom.across + self.shown.left
-        return CellRectangle(y, x, y + zoom.down, x + zoom.across)
+        """The cells that the character at a place of the screen represents, also in part."""
+        zoom, shown = self.zoom, self.shown
+        (y, bottom) = ((row + self.top + n) * zoom.down for n in (0, 1))
+        (x, right) = ((column + self.left + n) * zoom.across for n in (0, 1))
+        return CellRectangle(
+            y // zoom.height + shown.top,
+            x // zoom.width + shown.left,
+            -(-bottom // zoom.height) + shown.top,
+            -(-right // zoom.width) + shown.left,
+        )
 
     def visible(self) -> CellRectangle:
         """The cells of the floor on the screen, including those cut by its edges."""
@@ -335,12 +382,17 @@ class Camera:
 
         If the edge of the floor cuts the character, the cell is still on the floor.
         """
-        zoom = self.zoom
-        y = (row + self.top) // zoom.height * zoom.down
-        x = (column + self.left) // zoom.width * zoom.across
-        y_end = self.height if y < self.height else y + zoom.down
-        x_end = self.width if x < self.width else x + zoom.across
-        return min(y + zoom.down // 2, y_end - 1), min(x + zoom.across // 2, x_end - 1)
+        zoom, rectangle = self.zoom, self.rectangle_at(row, column)
+        first = rectangle.top - self.shown.top, rectangle.left - self.shown.left
+        y = (row + self.top) * zoom.down // zoom.height
+        if zoom.kind != "cells":
+            y = middle_cell(row + self.top, zoom.down, zoom.height)
+        x = middle_cell(column + self.left, zoom.across, zoom.width)
+        if first[0] < self.height:
+            y = min(y, self.height - 1)
+        if first[1] < self.width:
+            x = min(x, self.width - 1)
+        return y, x
 
     def _middle(self) -> tuple[float, float]:
         """The centre of the view, in cells."""
@@ -370,6 +422,11 @@ class Camera:
         y, x = self._middle()
         self._y = self._y if self.top == top else y
         self._x = self._x if self.left == left else x
+
+
+def middle_cell(character: Any, cells: int, characters: int) -> Any:
+    """The cell in the middle of a character (or pixel), where `cells` take `characters` of them."""
+    return (2 * character + 1) * cells // (2 * characters)
 
 
 def _inside(value: int, low: int, high: int) -> int:
@@ -402,9 +459,33 @@ def blocks(
 ) -> NDArray[Any]:
     """The sum (or another reduction) over each block of cells; edge blocks may be smaller."""
     down = across if down is None else down
+    return _reduced(
+        values, _starts(len(values), down, 1), _starts(values.shape[1], across, 1), over
+    )
+
+
+def dot_blocks(
+    values: NDArray[Any], zoom: Zoom, dots: Place | None = None, over: np.ufunc = np.add
+) -> NDArray[Any]:
+    """The sum (or another reduction) over the cells of each dot, `dots` rows and columns a character."""
+    rows, columns = dots or CHARACTER_DOTS[zoom.kind]
+    down, across = zoom.down // zoom.height, zoom.across // zoom.width
+    return _reduced(
+        values, _starts(len(values), down, rows), _starts(values.shape[1], across, columns), over
+    )
+
+
+def _starts(cells: int, per_character: int, dots: int) -> NDArray[np.intp]:
+    """The first cell of each dot: cell c is in dot c x dots // per_character."""
+    number = np.arange(-(-cells // per_character) * dots)
+    starts = number // dots * per_character - (-(number % dots) * per_character // dots)
+    return starts[starts < cells]
+
+
+def _reduced(
+    values: NDArray[Any], rows: NDArray[np.intp], columns: NDArray[np.intp], over: np.ufunc
+) -> NDArray[Any]:
     if values.dtype == bool or values.dtype == np.uint8:
         values = values.astype(np.int32)
-    rows = np.arange(0, values.shape[0], down)
-    columns = np.arange(0, values.shape[1], across)
     reduced: NDArray[Any] = over.reduceat(over.reduceat(values, rows, axis=0), columns, axis=1)
     return reduced

@@ -41,7 +41,7 @@ from automaton.floor.floor_plan import (
     WALL,
 )
 from tui.render import styles
-from tui.render.camera import Camera, CellRectangle, PicturePart, blocks
+from tui.render.camera import Camera, CellRectangle, PicturePart, dot_blocks
 from tui.render.scene import (
     DETAIL_FULL_SHELF,
     DETAIL_PASSING,
@@ -316,7 +316,7 @@ class Canvas:
     def __init__(self, scene: Scene, camera: Camera, glyphs: GlyphSet) -> None:
         self.scene, self.glyphs = scene, glyphs
         self.seen = camera.visible()
-        self.width, self.height = camera.zoom.width, camera.zoom.height
+        self.width, self.height = camera.zoom.width, camera.zoom.text_rows
         self.sign = sign_place(self.width, self.height)
         self.stride = camera.floor_plan.stride
         self.codes = empty_floor(scene.floor, self.seen, self.width, self.height, glyphs).copy()
@@ -357,19 +357,23 @@ class Canvas:
 
 
 class Pixels:
-    """A surface of pixels, two per character, each one colour for k x k cells."""
+    """A surface of pixels, two per character, each one colour for its cells.
+
+    Where a step enlarges pixels, here they are cells, to be enlarged later.
+    """
 
     def __init__(self, pixels: NDArray[np.uint8], part: PicturePart, camera: Camera) -> None:
         self.pixels, self.part, self.camera = pixels, part, camera
-        self.k = camera.zoom.across
+        zoom = camera.zoom
+        self.down, self.across = (2, 1) if zoom.is_enlarged else (zoom.down, zoom.across)
         self.flat = pixels.reshape(-1)
 
     def at(self, cells: NDArray[np.int32]) -> tuple[NDArray[np.int32], NDArray[np.intp]]:
         """For the cells on the screen: indices of their pixels, and their indices in `cells`."""
         y, x = np.divmod(cells, np.int32(self.camera.floor_plan.stride))
         shown, (rows, columns) = self.camera.shown, self.pixels.shape
-        y = (y - shown.top) // self.k - 2 * self.part.top
-        x = (x - shown.left) // self.k - self.part.left
+        y = (y - shown.top) * 2 // self.down - 2 * self.part.top
+        x = (x - shown.left) // self.across - self.part.left
         inside = (cells >= 0) & (y >= 0) & (y < rows) & (x >= 0) & (x < columns)
         which = np.flatnonzero(inside)
         return (y * columns + x)[which], which
@@ -379,14 +383,13 @@ class Pixels:
 
     def reduced(self, values: NDArray[Any], rest: int) -> NDArray[Any]:
         """(rows, columns of pixels) the largest value in each pixel, `rest` beyond the floor."""
-        camera, part, k = self.camera, self.part, self.k
-        top, left = camera.shown.top, camera.shown.left
+        camera, part = self.camera, self.part
         rows, columns = self.pixels.shape
-        y, x = top + 2 * part.top * k, left + part.left * k
+        y, x = camera.shown.top + part.top * self.down, camera.shown.left + part.left * self.across
+        bottom, right = y + rows // 2 * self.down, x + columns * self.across
         values = values.reshape(camera.floor_plan.kind.shape)
-        values = values[
-            y : min(y + rows * k, camera.shown.bottom), x : min(x + columns * k, camera.shown.right)
-        ]
-        values = values if k == 1 else blocks(values, k, over=np.maximum)
+        values = values[y : min(bottom, camera.shown.bottom), x : min(right, camera.shown.right)]
+        if self.across > 1:
+            values = dot_blocks(values, camera.zoom, (2, 1), over=np.maximum)
         missing = rows - len(values)
         return np.pad(values, ((0, missing), (0, 0)), constant_values=rest)

@@ -4,14 +4,15 @@ tui.render.cell_view draws pictures with one or more characters per cell. Pictur
 per character are here.
 
 Half blocks: two pixels per character, each with its own colour. At the step "half" of the ladder, a
-pixel is one cell. Smaller steps use half blocks while a layer colours the floor; a pixel then covers
-half a character of braille, so that switching the layer on moves nothing. On a layer robots are dots,
-with the layer's colour between them.
+pixel is one cell; at "1.5x0.75" a cell is one or two pixels wide and high. Smaller steps use half
+blocks while a layer colours the floor; a pixel then covers half a character, so that switching the
+layer on moves nothing. On a layer robots are dots, with the layer's colour between them.
 
 Braille: k x k cells per dot and 2 x 4 dots per character, which has one colour. A character with
 robots shows only these, in the colour of the worst: few robots fill whole or half characters, many
 are dots. Other characters show the structure of the floor in faint colours: a dot is set if at least
-half of its cells are shelves or walls, and stations stand out from their surroundings.
+half of its cells are shelves or walls, and stations stand out from their surroundings. At "quadrants"
+the dots of robots are quarters of a character.
 """
 
 from __future__ import annotations
@@ -27,7 +28,17 @@ from automaton.engine.state import NIL
 from automaton.floor.floor_plan import BAY, CHARGER, DESTINATION, DOCK, STATION, WALL
 from tui.render import drawn_robots as fleet
 from tui.render import styles
-from tui.render.camera import Camera, CellRectangle, PicturePart, blocks, part_of
+from tui.render.camera import (
+    CHARACTER_DOTS,
+    Camera,
+    CellRectangle,
+    PicturePart,
+    Zoom,
+    blocks,
+    dot_blocks,
+    middle_cell,
+    part_of,
+)
 from tui.render.cell_looks import (
     CELL_COLOURS,
     DRIVEN,
@@ -49,7 +60,7 @@ from tui.render.cell_view import (
     sign_tints,
 )
 from tui.render.scene import NO_CELLS, Scene, ShownFloor
-from tui.render.styles import DOT_BITS, Codes, GlyphSet, code, style
+from tui.render.styles import DOT_BITS, GLYPH_BITS, GLYPHS, Codes, GlyphSet, code, style
 
 Colours = NDArray[np.uint8]  # by pixel, or by character
 
@@ -58,6 +69,7 @@ STATION_KINDS = (BAY, CHARGER, DESTINATION, DOCK, STATION)
 
 HEATS = range(styles.COLOUR_HEAT_1, styles.COLOUR_HEAT_8 + 1)
 LAYER_COLOURS = (*HEATS, *range(styles.COLOUR_ZONE_0, styles.COLOUR_ZONE_7 + 1))
+GROUND_COLOURS = (styles.COLOUR_FLOOR, *LAYER_COLOURS)
 
 # Colours of objects standing on the floor, and the braille dots of their upper and lower half.
 DOTTED = (
@@ -78,8 +90,9 @@ def compose(scene: Scene, camera: Camera, glyphs: GlyphSet, out: Codes | None = 
         out = np.empty((camera.rows, camera.columns), np.uint32)
     kind, top, left = camera.zoom.kind, max(-camera.top, 0), max(-camera.left, 0)
     if kind == "cells":
-        part = near_picture(scene, camera, glyphs)
-        zoom = camera.zoom
+        part, zoom = near_picture(scene, camera, glyphs), camera.zoom
+        if zoom.down > 1:
+            part = with_half_rows(part, glyphs)
         above = camera.top % zoom.height if camera.top > 0 else 0  # rows cut off
         before = camera.left % zoom.width if camera.left > 0 else 0  # columns cut off
         part = part[above : above + camera.rows, before : before + camera.columns]
@@ -95,13 +108,26 @@ def compose(scene: Scene, camera: Camera, glyphs: GlyphSet, out: Codes | None = 
     return out
 
 
+def with_half_rows(rows: Codes, glyphs: GlyphSet) -> Codes:
+    """Rows of cells, 1.5 rows of characters each: between two of them both share a row."""
+    if len(rows) % 2:
+        rest = code(style(styles.COLOUR_FLOOR, styles.COLOUR_FLOOR), glyphs.blank)
+        rows = np.vstack((rows, np.full_like(rows[:1], rest)))
+    pairs = rows.reshape(-1, 2, rows.shape[1])
+    grounds = (pairs >> np.uint32(GLYPH_BITS)) % np.uint32(len(styles.COLOUR_TABLE))
+    shared = fleet.paired(glyphs, grounds[:, 0], grounds[:, 1])
+    walls = (pairs[:, 0] == pairs[:, 1]) & (pairs[:, 0] & GLYPHS == glyphs.wall)
+    shared = np.where(walls, pairs[:, 0], shared)
+    return np.stack((pairs[:, 0], shared, pairs[:, 1]), axis=1).reshape(-1, rows.shape[1])
+
+
 # Pictures in braille.
 
 
 def far_picture(scene: Scene, camera: Camera, glyphs: GlyphSet) -> Codes:
     """(rows, columns) the visible characters of the floor in braille."""
     part = part_of(camera)
-    base = floor_in_dots(scene.floor, camera.shown, camera.zoom.across // 2, glyphs)
+    base = floor_in_dots(scene.floor, camera.shown, camera.zoom, glyphs)
     canvas = DotCanvas(
         base[part.top : part.bottom, part.left : part.right].copy(), part, camera, glyphs
     )
@@ -115,31 +141,39 @@ def far_picture(scene: Scene, camera: Camera, glyphs: GlyphSet) -> Codes:
 
 
 @lru_cache(maxsize=16)
-def floor_in_dots(floor: ShownFloor, shown: CellRectangle, k: int, glyphs: GlyphSet) -> Codes:
+def floor_in_dots(floor: ShownFloor, shown: CellRectangle, zoom: Zoom, glyphs: GlyphSet) -> Codes:
     """The whole floor without robots."""
     looks = floor.looks[shown.top : shown.bottom, shown.left : shown.right]
     kind = floor.floor_plan.kind[shown.top : shown.bottom, shown.left : shown.right]
     shelves = np.isin(kind, STORING_KINDS)
     walls = (kind == WALL) & (looks != look(WALL, DETAIL_OUTSIDE))
-    area = blocks(np.ones(kind.shape, np.uint8), k)
-    pattern = _patterns(2 * blocks(shelves | walls, k) >= area)
-    across, down = 2 * k, 4 * k
+    area = dot_blocks(np.ones(kind.shape, np.uint8), zoom)
+    pattern = _patterns(2 * dot_blocks(shelves | walls, zoom) >= area, zoom)
+    across, down = zoom.across, zoom.down
     more_walls = blocks(walls, across, down) > blocks(shelves, across, down)
     fg = np.where(more_walls, styles.COLOUR_WALL, FAR_SHELF)
     for station in STATION_KINDS:
-        dots = _patterns(blocks(kind == station, k) > 0)
+        dots = _patterns(dot_blocks(kind == station, zoom) > 0, zoom)
         fg = np.where(dots, CELL_COLOURS[station], fg)
         pattern = np.where(dots, dots, pattern)
     codes: Codes = code(style(fg, styles.COLOUR_FLOOR), np.array(glyphs.braille)[pattern])
     return np.asarray(codes, np.uint32)
 
 
-def _patterns(dots: NDArray[np.bool_]) -> NDArray[np.uint8]:
-    """The braille pattern of each block of 2 x 4 dots."""
+def bits_of(zoom: Zoom) -> NDArray[np.uint8]:
+    """By row and column of a dot: its bits in a pattern of braille."""
+    rows, columns = CHARACTER_DOTS[zoom.kind]
+    bits = DOT_BITS.reshape(rows, 4 // rows, columns, 2 // columns)
+    return np.asarray(bits.sum(axis=(1, 3)), np.uint8)
+
+
+def _patterns(dots: NDArray[np.bool_], zoom: Zoom) -> NDArray[np.uint8]:
+    """The braille pattern of the dots of each character."""
+    high, wide = CHARACTER_DOTS[zoom.kind]
     rows, columns = dots.shape
-    padded = np.pad(dots, ((0, -rows % 4), (0, -columns % 2)))
-    cells = padded.reshape(padded.shape[0] // 4, 4, padded.shape[1] // 2, 2)
-    return np.asarray((cells * DOT_BITS[None, :, None, :]).sum(axis=(1, 3)), np.uint8)
+    padded = np.pad(dots, ((0, -rows % high), (0, -columns % wide)))
+    cells = padded.reshape(padded.shape[0] // high, high, padded.shape[1] // wide, wide)
+    return np.asarray((cells * bits_of(zoom)[None, :, None, :]).sum(axis=(1, 3)), np.uint8)
 
 
 class DotCanvas:
@@ -179,12 +213,10 @@ class Dots:
     def __init__(self, cells: NDArray[np.int32], part: PicturePart, camera: Camera) -> None:
         y, x = np.divmod(cells, np.int32(camera.floor_plan.stride))
         y, x = y - camera.shown.top, x - camera.shown.left
-        if camera.zoom.kind == "pixels":
-            row, column, bit = (y >> 1) - part.top, x - part.left, HALVES[y & 1]
-        else:
-            k = camera.zoom.across // 2
-            y, x = y // k, x // k
-            row, column, bit = (y >> 2) - part.top, (x >> 1) - part.left, DOT_BITS[y & 3, x & 1]
+        zoom, (high, wide) = camera.zoom, CHARACTER_DOTS[camera.zoom.kind]
+        row, y = np.divmod(y * high // zoom.down, high)
+        column, x = np.divmod(x * wide // zoom.across, wide)
+        row, column, bit = row - part.top, column - part.left, bits_of(zoom)[y, x]
         rows, columns = part.bottom - part.top, part.right - part.left
         inside = (cells >= 0) & (row >= 0) & (row < rows) & (column >= 0) & (column < columns)
         self.which = np.flatnonzero(inside)
@@ -221,7 +253,8 @@ def draw_robots(canvas: DotCanvas, scene: Scene) -> None:
     on_layer = canvas.camera.zoom.kind == "pixels" or canvas.on_layer
     rows, columns = canvas.camera.size()
     mark = fleet.far_mark(len(seen.cell), rows * columns, on_layer)
-    signs, solid = robot_signs(canvas.glyphs, dots.patterns(flat.size), mark)
+    quarters = canvas.camera.zoom.kind == "quarters" and not canvas.on_layer
+    signs, solid = robot_signs(canvas.glyphs, dots.patterns(flat.size), mark, quarters)
     fg = colours[dots.index]
     plain = style(fg, canvas.backgrounds[dots.index])
     flat[dots.index] = code(np.where(solid, style(styles.COLOUR_FLOOR, fg), plain), signs)
@@ -236,13 +269,14 @@ def draw_robots(canvas: DotCanvas, scene: Scene) -> None:
 
 
 def robot_signs(
-    glyphs: GlyphSet, patterns: NDArray[np.uint8], mark: int
+    glyphs: GlyphSet, patterns: NDArray[np.uint8], mark: int, quarters: bool = False
 ) -> tuple[NDArray[np.uint32], NDArray[np.bool_]]:
     """(k,) glyphs of characters with robots on these dots, and whether robots fill them."""
     upper, lower = (patterns & half != 0 for half in HALVES)
     solid = np.full(patterns.shape, mark == fleet.MARK_FULL)
     if mark == fleet.MARK_DOT:
-        return np.array(glyphs.fleet, np.uint32)[patterns], solid
+        dots = glyphs.fleet_quarters if quarters else glyphs.fleet
+        return np.array(dots, np.uint32)[patterns], solid
     if mark == fleet.MARK_HALF:
         solid = upper & lower
     halves = np.where(upper, glyphs.fleet_half[0], glyphs.fleet_half[1])
@@ -268,8 +302,15 @@ def draw_flow(canvas: DotCanvas, scene: Scene, strongest: NDArray[np.int32]) -> 
 def layer_signs(scene: Scene, camera: Camera, glyphs: GlyphSet) -> Codes | None:
     """The layer's own signs for the characters of the part on the screen."""
     zoom, part = camera.zoom, part_of(camera)
-    signs: Codes | None = scene.map_layer.signs(scene, camera.shown, zoom.across, zoom.down, glyphs)
-    return None if signs is None else signs[part.top : part.bottom, part.left : part.right]
+    across, down = (1, 1) if zoom.is_enlarged else (zoom.across, zoom.down)
+    signs: Codes | None = scene.map_layer.signs(scene, camera.shown, across, down, glyphs)
+    if signs is None:
+        return None
+    if zoom.is_enlarged:
+        rows, columns = np.arange(part.top, part.bottom), np.arange(part.left, part.right)
+        y = middle_cell(rows, zoom.down, zoom.height)
+        return np.asarray(signs[np.ix_(y, middle_cell(columns, zoom.across, zoom.width))])
+    return signs[part.top : part.bottom, part.left : part.right]
 
 
 # Pictures in half blocks.
@@ -277,17 +318,21 @@ def layer_signs(scene: Scene, camera: Camera, glyphs: GlyphSet) -> Codes | None:
 
 def pixel_picture(scene: Scene, camera: Camera, glyphs: GlyphSet) -> Codes:
     """(rows, columns) the visible characters of the floor in half blocks."""
-    part, k = part_of(camera), camera.zoom.across
-    whole = floor_in_pixels(scene.floor, camera.shown, k)
+    zoom, part = camera.zoom, part_of(camera)
+    if zoom.is_enlarged:
+        part = cells_of(part, camera)
+    by_cell = zoom.is_enlarged or zoom.across == 1
+    whole = floor_in_pixels(scene.floor, camera.shown, None if by_cell else zoom)
     pixels = whole[2 * part.top : 2 * part.bottom, part.left : part.right].copy()
     canvas = Pixels(pixels, part, camera)
-    if k == 1:
+    if by_cell:
         for full in (full_shelves, pods_in):
             canvas.flat[full(scene, camera.visible())] = FAR_LOAD
     signed = draw_layer(canvas, scene)
     canvas.paint(scene.zone_cells, styles.COLOUR_MARKED)
     signs = layer_signs(scene, camera, glyphs)
-    if scene.tints is not None or scene.values is not None or signs is not None:
+    layered = scene.tints is not None or scene.values is not None or signs is not None
+    if layered and not zoom.is_enlarged:
         codes = paired(pixels, glyphs)
         if signs is not None:
             codes = np.where(signs, signs, codes)
@@ -304,7 +349,32 @@ def pixel_picture(scene: Scene, camera: Camera, glyphs: GlyphSet) -> Codes:
         draw_robot_pixels(canvas, scene)
     if scene.cursor is not None:
         canvas.paint(np.array([scene.cursor], np.int32), styles.COLOUR_CURSOR)
-    return paired(pixels, glyphs)
+    if not zoom.is_enlarged:
+        return paired(pixels, glyphs)
+    pixels = enlarged(pixels, camera)
+    codes = paired(pixels, glyphs)
+    if signs is not None:
+        empty = np.isin(pixels, GROUND_COLOURS)
+        codes = np.where((signs != 0) & empty[0::2] & empty[1::2], signs, codes)
+    return sign_tints(codes, pixels) if scene.tints is not None else codes
+
+
+def cells_of(part: PicturePart, camera: Camera) -> PicturePart:
+    """The cells in part of an enlarged picture, as characters of the step "half"."""
+    zoom, seen, shown = camera.zoom, camera.visible(), camera.shown
+    bottom = min(-(-part.bottom * zoom.down // zoom.height), camera.height)
+    top, left = (seen.top - shown.top) // 2, seen.left - shown.left
+    return PicturePart(top, left, -(-bottom // 2), seen.right - shown.left)
+
+
+def enlarged(pixels: Colours, camera: Camera) -> Colours:
+    """Pixels of cells, repeated so that they fill their characters."""
+    zoom, part = camera.zoom, part_of(camera)
+    rows, columns = 2 * (part.bottom - part.top), part.right - part.left
+    y = middle_cell(np.arange(rows), zoom.down, 2 * zoom.height)
+    x = middle_cell(np.arange(columns), zoom.across, zoom.width)
+    below = np.pad(pixels, ((0, 2), (0, 1)), constant_values=styles.COLOUR_FLOOR)
+    return below[np.ix_(np.minimum(y, len(pixels)), np.minimum(x, pixels.shape[1]))]
 
 
 def draw_layer(canvas: Pixels, scene: Scene) -> bool:
@@ -331,21 +401,22 @@ def draw_robot_pixels(canvas: Pixels, scene: Scene) -> None:
 
 
 @lru_cache(maxsize=16)
-def floor_in_pixels(floor: ShownFloor, shown: CellRectangle, k: int) -> Colours:
-    """The whole floor without robots and loads, k x k cells per pixel, in whole characters."""
+def floor_in_pixels(floor: ShownFloor, shown: CellRectangle, zoom: Zoom | None) -> Colours:
+    """The whole floor without robots and loads, in whole characters; None: a cell per pixel."""
     rows, columns = slice(shown.top, shown.bottom), slice(shown.left, shown.right)
     kind = floor.floor_plan.kind[rows, columns]
-    if k == 1:
+    if zoom is None:
         foregrounds = np.array([_pixel_colour(number) for number in range(LOOK_COUNT)], np.uint8)
         pixels = foregrounds[floor.looks[rows, columns]]
     else:
-        area = blocks(np.ones(kind.shape, np.uint8), k)
+        dots = CHARACTER_DOTS["pixels"]
+        area = dot_blocks(np.ones(kind.shape, np.uint8), zoom, dots)
         pixels = np.full(area.shape, styles.COLOUR_FLOOR, np.uint8)
         inner = floor.looks[rows, columns] == look(WALL)
         solid = np.isin(kind, STORING_KINDS) | inner
-        pixels[2 * blocks(solid, k) >= area] = FAR_SHELF
+        pixels[2 * dot_blocks(solid, zoom, dots) >= area] = FAR_SHELF
         for station in STATION_KINDS:
-            pixels[blocks(kind == station, k) > 0] = CELL_COLOURS[station]
+            pixels[dot_blocks(kind == station, zoom, dots) > 0] = CELL_COLOURS[station]
     return np.pad(pixels, ((0, len(pixels) % 2), (0, 0)), constant_values=styles.COLOUR_FLOOR)
 
 

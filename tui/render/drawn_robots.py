@@ -286,7 +286,7 @@ def drawn_robots(
     above = drawings.upper[outline, load, direction]
     below = drawings.lower[outline, load, direction]
     upper, lower = colours[robot, above], colours[robot, below]
-    codes = paired(canvas, upper, lower)
+    codes = paired(canvas.glyphs, upper, lower)
     if canvas.glyphs.shaded:  # without colours, signs show the load
         cargo = (above == LOAD) & (below == LOAD)
         codes[cargo] = code(style(styles.COLOUR_FLOOR, lower[cargo]), canvas.glyphs.cargo)
@@ -320,9 +320,9 @@ def pixel_colours(
     return colours
 
 
-def paired(canvas: Canvas, upper: Colours, lower: Colours) -> Codes:
+def paired(glyphs: GlyphSet, upper: Colours, lower: Colours) -> Codes:
     """The characters of pairs of pixels; equal pixels are a coloured blank, also in ASCII."""
-    glyphs, floor = canvas.glyphs, styles.COLOUR_FLOOR
+    floor = styles.COLOUR_FLOOR
     codes = code(style(upper, lower), glyphs.upper_half)
     codes = np.where(upper == floor, code(style(lower, floor), glyphs.lower_half), codes)
     plain = np.where(upper == floor, floor, BLANK_INK)

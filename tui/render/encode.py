@@ -30,6 +30,7 @@ from tui.render.styles import (
     COLOUR_VOID,
     GLYPH_BITS,
     GLYPHS,
+    QUARTERS,
     Codes,
     GlyphSet,
     Look,
@@ -223,7 +224,9 @@ def as_text(codes: Codes, glyphs: GlyphSet) -> str:
 
 # A character's size in pixels, and the font size whose advance is this width.
 CHARACTER_WIDTH, CHARACTER_HEIGHT, FONT_SIZE, BASELINE = 9, 18, 15, 13
-LETTER_RUNS = "[^ ▀▄█\u2800-\u28ff]+(?: [^ ▀▄█\u2800-\u28ff]+)*"  # words with single blanks
+LETTER_RUNS = (
+    "[^ ▀▄█▌▐▖-▟\u2800-\u28ff]+(?: [^ ▀▄█▌▐▖-▟\u2800-\u28ff]+)*"  # words with single blanks
+)
 DOTS = ((0, 0), (0, 1), (0, 2), (1, 0), (1, 1), (1, 2), (0, 3), (1, 3))  # column, row by bit
 TITLE_BAR_HEIGHT = 28  # height of the title bar
 BOLD = ' font-weight="bold"'
@@ -301,6 +304,8 @@ class _Drawing:
             self._box(fg, x + block.start() * CHARACTER_WIDTH, at, len(block[0]), high)
         for braille in re.finditer("[\u2801-\u28ff]", text):
             self._dots(fg, x + braille.start() * CHARACTER_WIDTH, y, ord(braille[0]) - 0x2800)
+        for sign in re.finditer("[▌▐▖-▟]", text):
+            self._quarters(fg, x + sign.start() * CHARACTER_WIDTH, y, QUARTERS.index(sign[0]))
         for word in re.finditer(LETTER_RUNS, text):
             self._letters.setdefault((fg, bold), []).append(
                 f'<text x="{x + word.start() * CHARACTER_WIDTH}" y="{y + BASELINE}"'
@@ -312,6 +317,13 @@ class _Drawing:
             if pattern >> bit & 1:
                 dot = f"M{x + 1 + 4 * column} {y + 1 + 4 * row}h3v3h-3z"
                 self._boxes.setdefault(fg, []).append(dot)
+
+    def _quarters(self, fg: str, x: int, y: int, filled: int) -> None:
+        wide, high = CHARACTER_WIDTH / 2, CHARACTER_HEIGHT // 2
+        for n in range(4):
+            if filled >> n & 1:
+                box = f"M{x + n % 2 * wide:g} {y + n // 2 * high}h{wide}v{high}h-{wide}z"
+                self._boxes.setdefault(fg, []).append(box)
 
     def _box(self, colour: str, x: int, y: int, cells: int, height: int) -> None:
         box = f"M{x} {y}h{cells * CHARACTER_WIDTH}v{height}h-{cells * CHARACTER_WIDTH}z"

@@ -186,7 +186,7 @@ def _robots(scene: Scene, zoom: Zoom, glyphs: GlyphSet) -> list[LegendLine]:
             ),
             LegendLine(signs(looks.DRAW_FAULT, looks.SHAPE_VOID, (0,)), empty),
         ]
-        if zoom.height >= BAR_HEIGHT:
+        if zoom.text_rows >= BAR_HEIGHT:
             bar = style(styles.COLOUR_DONE, styles.COLOUR_ROBOT)
             entries.append(
                 LegendLine((int(code(bar, glyphs.lower_half)),), "charge of its battery")
@@ -237,7 +237,8 @@ def _far_sign(scene: Scene, zoom: Zoom, glyphs: GlyphSet, colour: int) -> int:
     mark = fleet.far_mark(robots, rows * columns, on_layer or zoom.kind == "pixels")
     if mark == fleet.MARK_FULL:
         return int(code(style(styles.COLOUR_FLOOR, colour), glyphs.fleet_full))
-    sign = glyphs.fleet_half[0] if mark == fleet.MARK_HALF else glyphs.fleet[255]
+    dots = glyphs.fleet_quarters if zoom.kind == "quarters" and not on_layer else glyphs.fleet
+    sign = glyphs.fleet_half[0] if mark == fleet.MARK_HALF else dots[255]
     return int(code(style(colour, styles.COLOUR_FLOOR), sign))
 
 

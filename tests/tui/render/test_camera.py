@@ -55,8 +55,8 @@ def test_bays_in_the_border_column_are_shown_and_outer_walls_are_not():
 def test_the_ladder_ends_where_the_whole_floor_fits():
     small = Camera(open_floor(20, 20), 24, 80)
     assert [zoom.name for zoom in small.ladder] == [
-        *("8x4", "6x3", "4x2", "3x1", "2x1", "1x1"),
-        *("half", "braille 1"),
+        *("8x4", "6x3", "4x2", "3x1.5", "3x1", "2x1", "1.5x0.75", "1x1"),
+        *("half", "quadrants", "braille 1"),
     ]
     large = Camera(open_floor(1000, 1000), 59, 200)
     assert large.ladder[-1].name == "braille 5"

@@ -29,7 +29,7 @@ from tui.render import styles
 from tui.render.camera import Camera
 from tui.render.compose import compose
 from tui.render.scene import Scene, levels_of, scale_for
-from tui.render.styles import ASCII, UNICODE
+from tui.render.styles import ASCII, GLYPHS, UNICODE, Codes
 
 # Goldens.
 
@@ -216,7 +216,8 @@ def test_identities_stand_beside_their_robots():
     cells = [floor_plan.cell(x, y) for y in range(10) for x in range(12)]
     scene = make_scene(floor_plan, *({"cell": cell} for cell in cells))
     camera = Camera(floor_plan, 10, 48, robots=len(cells))
-    assert camera.zoom.name == "4x1"
+    camera.zoom = next(step for step in camera.ladder if step.name == "4x1")
+    camera.resize(10, 48)
     assert text(compose(scene, camera, UNICODE)).split("\n")[8][12:27] == "▹99 ▹100▹101▹10"
 
 
@@ -366,3 +367,34 @@ def test_the_scale_ends_so_near_that_the_worst_cell_is_of_the_last_levels():
         level = int(levels_of(np.array([largest], np.int32), scale)[0])
         assert scale.end >= largest and (level >= 7 or largest < 8)
     assert [scale_for(n).end for n in (51, 81, 100, 101)] == [60, 100, 100, 120]
+
+
+def test_cells_of_one_and_a_half_rows_have_their_signs_and_half_a_row_of_their_colour():
+    scene = mini()
+    rows, camera = composed(scene, "3x1")
+    tall, other = composed(scene, "3x1.5")
+    assert other.size() == (-(-camera.height * 3 // 2), 3 * camera.width)
+    for y in range(camera.height):
+        assert np.array_equal(tall[other.zoom.first_row(y)], rows[y])
+    shared = tall[1 : 3 * (camera.height // 2) : 3]
+    assert np.array_equal(
+        shared & GLYPHS == UNICODE.blank, background(rows)[0:-1:2] == background(rows)[1::2]
+    )
+
+
+def background(codes: Codes) -> np.ndarray:
+    return (codes >> 16) % len(styles.COLOUR_TABLE)
+
+
+@given(fleets())
+def test_in_enlarged_half_blocks_each_cell_has_one_to_four_pixels_of_its_colour(scene: Scene):
+    codes, camera = composed(scene, "1.5x0.75")
+    filled = codes[np.isin(codes & GLYPHS, UNICODE.braille, invert=True)]
+    pixels = np.array([halves(code) for code in filled])
+    robots = scene.snapshot.robots
+    colours = np.where(robots.load >= 0, styles.COLOUR_LOADED, styles.COLOUR_ROBOT)
+    for state in (styles.COLOUR_LOADED, styles.COLOUR_ROBOT):
+        count = np.count_nonzero(colours == state)
+        assert count <= np.count_nonzero(pixels == state) <= 4 * count
+    for cell, colour in zip(robots.cell.tolist(), colours.tolist(), strict=True):
+        assert colour in halves(codes[camera.place_of(cell)])

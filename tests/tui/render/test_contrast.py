@@ -46,7 +46,7 @@ PICTURE = """
 ................
 ................
 """
-LADDER = (*DRAWN, *ALL)
+LADDER = (*DRAWN, "3x1.5", "1.5x0.75", *ALL)
 LAYERS = (
     *("", "visits", "flow", "traffic-zones", "service-zones", "explored", "predicted"),
     *("streets", "street-waits"),

@@ -144,8 +144,8 @@ def test_the_selected_robot_changes_its_colour_and_keeps_its_state_in_its_signs(
 
 @pytest.mark.parametrize("zoom", [*DRAWN, "5x3"])
 def test_every_character_of_a_cell_belongs_to_it(zoom: str):
-    floor_plan = open_floor(5, 4)
-    size = (12, 25) if zoom == "5x3" else (11, 30)
+    size = (12, 40) if zoom == "5x3" else (11, 30)
+    floor_plan = open_floor(8, 4) if zoom == "5x3" else open_floor(5, 4)
     camera = Camera(floor_plan, *size)
     camera.zoom = next(step for step in camera.ladder if step.name == zoom)
     camera.centre_on(floor_plan.cell(4, 3))

@@ -178,7 +178,7 @@ def test_a_robot_on_a_layer_takes_its_own_part_of_a_character(zoom: str):
     heat = np.full(floor_plan.kind.size, 500, np.int32)
     scene = make_scene(floor_plan, {"cell": floor_plan.cell(4, 4)}, heat=heat, layer="visits")
     upper = at(scene, zoom, floor_plan.cell(4, 4))
-    below = floor_plan.cell(4, 5 if zoom == "half" else 6)
+    below = floor_plan.cell(4, 6 if zoom == "braille 1" else 5)
     scene.snapshot.robots.cell[0] = below
     lower = at(scene, zoom, below)
     assert upper >> 16 == lower >> 16 and upper != lower

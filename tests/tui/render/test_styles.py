@@ -225,7 +225,7 @@ def test_rich_sends_the_same_colours(depth: Depth, theme: styles.Theme) -> None:
 
 @pytest.mark.parametrize("glyphs", [UNICODE, ASCII], ids=lambda glyphs: glyphs.name)
 def test_every_character_is_one_column_wide(glyphs: GlyphSet) -> None:
-    blocks = "▀▄█"
+    blocks = "▀▄█▌"
     for character in glyphs.characters:
         narrow = unicodedata.east_asian_width(character) in ("N", "Na")
         assert (narrow or character in blocks) and not unicodedata.combining(character)

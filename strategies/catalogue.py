@@ -51,6 +51,7 @@ CATALOGUE: dict[str, dict[str, CatalogueEntry]] = {
             "strategies.zoning.monitored:StaticZones",
             Monitoring,
             "fixed zones; robots share orders while the zones are unbalanced",
+            in_random_cases=True,
         ),
         "annealing": CatalogueEntry(
             "strategies.zoning.monitored:AnnealedZones",
@@ -76,11 +77,13 @@ CATALOGUE: dict[str, dict[str, CatalogueEntry]] = {
             "strategies.charging.quoted:InsertCharging",
             Insertion,
             "optimal insertion: the cheapest charger, position in the list and charging time (De Ryck)",
+            in_random_cases=True,
         ),
         "threshold": CatalogueEntry(
             "strategies.charging.quoted:ThresholdCharging",
             Threshold,
             "threshold-100: below 20 %, charge at the nearest charger until full (De Ryck)",
+            in_random_cases=True,
         ),
         "fill-up": CatalogueEntry(
             "strategies.charging.quoted:FillUpCharging",
@@ -98,6 +101,7 @@ CATALOGUE: dict[str, dict[str, CatalogueEntry]] = {
             "strategies.allocation.independent:Independent",
             IndependentParameters,
             "nearest unreserved order, carried to its destination (Grzejszczak & Nocon, alg. 1)",
+            in_random_cases=True,
         ),
         "cooperative": CatalogueEntry(
             "strategies.allocation.cooperative:Cooperative",
@@ -113,22 +117,26 @@ CATALOGUE: dict[str, dict[str, CatalogueEntry]] = {
             "strategies.allocation.first_come:FirstCome",
             FirstComeParameters,
             "oldest unreserved order, or the one due first, carried to its destination",
+            in_random_cases=True,
         ),
         "greedy": CatalogueEntry(
             "strategies.allocation.greedy:Greedy",
             GreedyParameters,
             "cheapest pair of robot and order first; orders not yet begun may be matched again",
             default_for=IMPORTED,
+            in_random_cases=True,
         ),
         "shortest-job": CatalogueEntry(
             "strategies.allocation.shortest_job:ShortestJob",
             ShortestJobParameters,
             "shortest job first with aging, in the robot's zone if there are zones (Keith & La)",
+            in_random_cases=True,
         ),
         "auction": CatalogueEntry(
             "strategies.allocation.auction.auction:Auction",
             Auctions,
             "auctions with charging in the bids: sequential, parallel, combinatorial, ... (De Ryck)",
+            in_random_cases=True,
         ),
         "independent-python": CatalogueEntry(
             "strategies.allocation.independent:IndependentPython",
@@ -141,11 +149,13 @@ CATALOGUE: dict[str, dict[str, CatalogueEntry]] = {
             "strategies.routing.shortest:Shortest",
             ShortestRoutes,
             "the path that takes the fewest ticks, including turns",
+            in_random_cases=True,
         ),
         "astar": CatalogueEntry(
             "strategies.routing.astar:AStar",
             TieBreaking,
             "A*: a path that takes the fewest ticks; a rule breaks ties",
+            in_random_cases=True,
         ),
         "traffic-avoidance": CatalogueEntry(
             "strategies.routing.traffic_avoidance:TrafficAvoidance",
@@ -165,6 +175,7 @@ CATALOGUE: dict[str, dict[str, CatalogueEntry]] = {
             "robots make way by inherited priority (PIBT); turns and moves may take any number of "
             "ticks",
             default_for=STEERED,
+            in_random_cases=True,
         ),
         "epibt": CatalogueEntry(
             "strategies.right_of_way.epibt.epibt:Epibt",
@@ -177,11 +188,13 @@ CATALOGUE: dict[str, dict[str, CatalogueEntry]] = {
             RetreatParameters,
             "wait, retry, then retreat by a random number of moves (Grzejszczak & Nocon)",
             default_for=ROUTED,
+            in_random_cases=True,
         ),
         "wait": CatalogueEntry(
             "strategies.right_of_way.retreat:Wait",
             Waits,
             "wait and retry for ever; shows which deadlocks a floor has",
+            in_random_cases=True,
         ),
     },
 }

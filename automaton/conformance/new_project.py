@@ -68,6 +68,8 @@ def write_project(name: str, layer: str, compiled: bool, parent: Path) -> list[P
 
     Raises InputError for a name that is taken or not allowed; then nothing is written.
     """
+    from automaton.conformance.random_cases import plain_strategies
+
     check_name(name)
     folder = parent / name
     if folder.exists():
@@ -78,13 +80,7 @@ def write_project(name: str, layer: str, compiled: bool, parent: Path) -> list[P
     template = LAYERS[layer]
     text = f'description="{template.meaning}"'
     limits = f"{template.limits}, " if template.limits else ""
-    other = {
-        "allocation": "independent",
-        "routing": "shortest",
-        "right_of_way": "retreat",
-        "charging": "none",
-        "zoning": "none",
-    }
+    other = plain_strategies()
     del other[layer]
     values = {
         "name": name,

@@ -12,7 +12,19 @@ from collections.abc import Callable, Iterator
 from random import Random
 from typing import Any, Final, TypeAlias
 
+import msgspec
+
 from automaton.errors import InputError
+from automaton.scenario.schema import Strategies
+from automaton.strategy.lookup import (
+    NO_STRATEGY,
+    ROUTED,
+    STEERS,
+    TAKES_SHORTEST_ROUTES,
+    declares,
+    default_for,
+    names_in_random_cases,
+)
 from automaton.world.resolve import Resolved, resolve
 
 Document: TypeAlias = dict[str, Any]  # the content of a scenario file
@@ -24,14 +36,7 @@ CROWD_ROBOTS: Final = 60
 DRAWS_OF_A_CASE: Final = 60
 KINEMATICS: Final = ("rail", "differential", "omni")
 INFORMATION: Final = (*["everything"] * 3, "orders", "radius")  # shares of the cases
-# Strategies of the other layers: compiled and quick to compile.
-OTHERS: Final = {
-    "zoning": ("none", "none", "none", "none", "static"),
-    "charging": ("threshold", "insertion"),
-    "allocation": ("independent", "first-come", "shortest-job", "greedy"),
-    "routing": ("shortest", "astar"),
-    "right_of_way": ("retreat", "pibt", "retreat", "wait"),
-}
+WITHOUT_ZONES: Final = 4  # shares of the cases, for one with each strategy of zoning
 
 
 def random_case(seed: int, number: int, layer: str = "") -> Document:
@@ -74,8 +79,7 @@ def with_strategy(document: Document, layer: str, strategy: Any) -> Resolved:
     drawn = {**document.get("strategy", {}), layer: strategy}
     choices = [drawn]
     if drawn.get(beside, "none") != "none":
-        more = ("auction",) if beside == "allocation" else ()
-        choices += [{**drawn, beside: name} for name in (*OTHERS[beside], *more)]
+        choices += [{**drawn, beside: name} for name in names_in_random_cases(beside)]
     refusal = None
     for choice in choices:
         try:
@@ -119,20 +123,30 @@ def drawn_case(chance: Random, number: int, layer: str) -> Document:
         "faults": faults(chance),
         "information": information(chance),
         "stop": {"when": "never", "max_duration": CASE_TICKS},
-        "strategy": {one: chance.choice(names) for one, names in OTHERS.items()},
+        "strategy": strategies(chance, has_battery, kind == "stations" or layer == "zoning"),
         "seed": chance.randrange(2**32),
     }
-    if document["strategy"]["right_of_way"] == "pibt":
-        document["strategy"]["routing"] = "shortest"
-    if kind != "stations" and layer != "zoning":
-        document["strategy"]["zoning"] = "none"
     if has_battery:
         document["battery"] = battery(chance)
-        if document["strategy"]["charging"] == "insertion":
-            document["strategy"]["allocation"] = "auction"
-    else:
-        document["strategy"]["charging"] = "none"
     return document
+
+
+def strategies(chance: Random, has_battery: bool, may_have_zones: bool) -> dict[str, str]:
+    """A strategy for each layer."""
+    drawn = {layer: chance.choice(names_in_random_cases(layer)) for layer in plain_strategies()}
+    steers = declares("right_of_way", drawn["right_of_way"], STEERS)
+    if steers and not declares("routing", drawn["routing"], TAKES_SHORTEST_ROUTES):
+        drawn["routing"] = plain_strategies()["routing"]
+    if not may_have_zones or chance.randrange(WITHOUT_ZONES + 1):
+        drawn["zoning"] = NO_STRATEGY
+    if not has_battery:
+        drawn["charging"] = NO_STRATEGY
+    return drawn
+
+
+def plain_strategies() -> dict[str, str]:
+    """The strategies of a scenario that chooses none, for robots that follow routes."""
+    return msgspec.structs.asdict(Strategies(right_of_way=default_for("right_of_way", ROUTED)))
 
 
 # The floors, each with its demand.

@@ -27,7 +27,12 @@ from automaton.conformance.probed_calls import (
     WriteProbe,
     guard_states,
 )
-from automaton.conformance.random_cases import CASE_TICKS, random_case, with_strategy
+from automaton.conformance.random_cases import (
+    CASE_TICKS,
+    plain_strategies,
+    random_case,
+    with_strategy,
+)
 from automaton.errors import InputError
 from automaton.runs.illegal_decisions import illegal_decisions
 from automaton.runs.simulation import Simulation
@@ -416,13 +421,7 @@ def open_floor(subject: Subject, picture: str, robots: int, kinematics: str) -> 
         "layout": {"picture": picture},
         "fleet": {"robots": robots, "kinematics": kinematics, "start": "random"},
         "orders": {"generator": "full-shelves"},
-        "strategy": {
-            "zoning": "none",
-            "charging": "none",
-            "allocation": "independent",
-            "routing": "shortest",
-            "right_of_way": "retreat",
-        },
+        "strategy": plain_strategies(),
         "stop": {"when": "delivered", "max_duration": 2_000},
         "seed": 1,
     }
@@ -431,7 +430,6 @@ def open_floor(subject: Subject, picture: str, robots: int, kinematics: str) -> 
     if subject.layer == "charging":
         document["layout"]["picture"] = picture[:2] + "c" + picture[3:]
         document["battery"] = {"drain": {"move": 0.2}, "charge_rate": 5.0}
-        document["strategy"]["charging"] = "threshold"
     return document
 
 

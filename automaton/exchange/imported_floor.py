@@ -26,7 +26,7 @@ from automaton.errors import InputError
 from automaton.exchange.problem import Problem
 from automaton.floor.drawn_floors import MAX_FLOOR_SIDE
 from automaton.scenario.document import MAX_NODES
-from automaton.strategy.lookup import IMPORTED, SLOW_STEERED, default_for
+from automaton.strategy.lookup import IMPORTED, SLOW_STEERED, STEERED, default_for
 from automaton.units import count, number
 
 MAX_FLOOR_FILE_BYTES: Final = 64 * 2**20
@@ -71,7 +71,6 @@ BYTE_ORDER_MARK: Final = b"\xef\xbb\xbf"
 MAX_PICTURE: Final = (200, 120)  # largest floor that a terminal shows, in columns and rows
 RED: Final = "bold red"
 ROUTING: Final = "shortest"
-ONE_SHOT: Final = "pibt"  # right of way; it solves more one-shot problems than others
 FREE, WALL = ".", "#"
 MAX_WRITTEN_CELLS: Final = 2_000_000  # of a written floor: a scenario has at most 8 MB
 MAX_WRITTEN_VALUES: Final = MAX_NODES - 10_000  # of sections; the rest: names, legend
@@ -285,12 +284,12 @@ def scenario_text(problem: Problem, starts: str, tasks: str, ticks: int) -> str:
         orders["skip_reached"] = True
     fleet = {"robots": problem.robots, "kinematics": "differential", "start": {"file": starts}}
     when = "on-targets" if problem.on_targets else "never" if problem.repeat else "delivered"
+    # PIBT solves more one-shot problems than a planner of several actions.
+    robots = STEERED if problem.on_targets else SLOW_STEERED
     strategy = {
         "allocation": allocation,
         "routing": ROUTING,
-        "right_of_way": ONE_SHOT
-        if problem.on_targets
-        else default_for("right_of_way", SLOW_STEERED),
+        "right_of_way": default_for("right_of_way", robots),
     }
     sections = {
         "name": problem.name[:200],

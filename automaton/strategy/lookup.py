@@ -71,7 +71,8 @@ class CatalogueEntry(NamedTuple):
     """One row of the table: the class of a strategy, its parameters, and one line for `list`.
 
     `properties`: the METHOD_PROPERTIES of its method; None if unknown. `default_for`: the robots
-    for which it is the default, "" for none.
+    for which it is the default, "" for none. `in_random_cases`: whether the random cases of
+    `check-strategy` use it in the layers beside the checked one; it should compile quickly.
     """
 
     implementation: str  # "module:Class"
@@ -79,6 +80,7 @@ class CatalogueEntry(NamedTuple):
     summary: str
     properties: tuple[str, ...] | None = None
     default_for: str = ""
+    in_random_cases: bool = False
 
 
 PLUGINS = "automaton.strategies"  # entry-point group; each entry is named "layer.name"
@@ -197,6 +199,11 @@ def default_for(layer: str, robots: str) -> str:
     """The name of the strategy that is the default for such robots."""
     entries = _catalogue()[layer].items()
     return next(name for name, entry in entries if entry.default_for == robots)
+
+
+def names_in_random_cases(layer: str) -> list[str]:
+    """The strategies that random cases use in a layer that is not checked."""
+    return [name for name, entry in _catalogue()[layer].items() if entry.in_random_cases]
 
 
 # Classes given by a Python program, by "module:Class".

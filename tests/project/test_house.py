@@ -12,6 +12,8 @@ from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
 
+from strategies.catalogue import CATALOGUE
+
 ROOT = Path(__file__).parents[2]
 SOURCES = ("automaton", "strategies", "layouts", "tui")
 SHORT = 60  # lines
@@ -27,6 +29,10 @@ IMPORTS_A_FILE = 5.95  # of ours
 HEAD_SHARE = 0.112  # lines before the first definition
 CLASSES_OF_ONE_NAME = 6
 CONSTANTS_OF_ONE_NAME = 10  # with different values
+METHODS_IN_STRINGS = 4  # "retreat", which is also an action of the world
+# Words that name a method and other things as well.
+ORDINARY = {"decentralized", "independent", "shortest", "static", "threshold", "wait"}
+MAY_NAME_METHODS = ("strategies", "automaton.papers", "automaton.bench", "tui.bench", "layouts")
 
 
 @cache
@@ -95,6 +101,18 @@ def test_there_are_few_files_and_each_is_a_page() -> None:
 def test_imports_are_few_and_their_chains_short() -> None:
     assert max(map(chain_from, imported())) <= LONGEST_CHAIN
     assert sum(map(len, imported().values())) <= IMPORTS_A_FILE * len(imported())
+
+
+def test_methods_are_known_by_their_declarations() -> None:
+    methods = {name for layer in CATALOGUE.values() for name in layer} - ORDINARY
+    named = [
+        f"{name}:{node.lineno}: {node.value}"
+        for name, (text, tree) in sources().items()
+        if not name.startswith(MAY_NAME_METHODS) and any(f'"{one}"' in text for one in methods)
+        for node in ast.walk(tree)
+        if isinstance(node, ast.Constant) and node.value in methods
+    ]
+    assert len(named) <= METHODS_IN_STRINGS, named
 
 
 def test_files_begin_with_what_they_are_about() -> None:

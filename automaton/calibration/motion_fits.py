@@ -35,6 +35,7 @@ MIN_SLOW_PAIRS: Final = 30
 SLOW_SHARE: Final = 0.05  # below the usual speed
 SHORTEST_DELAY_S: Final = 1.0
 ERRORS: Final = 3  # standard deviations of the stamps that a delay must exceed
+MIN_SHOWN: Final = 20  # drives or turns whose median an observed run uses
 NEAR_MIDDLE: Final = 0.25  # cells; to the middle of an edge, for a pair of messages to count there
 
 
@@ -163,6 +164,28 @@ def corners_of(track: RobotTracks, cells_per_second: Array) -> tuple[Array, Arra
     drives = drives_of(track, cells_per_second, track.acts | track.near)
     chosen = drives.free & (drives.turns == 1) & (drives.quarters % 2 == 1)
     return drives.message[chosen], drives.late[chosen]
+
+
+def observed_pace(
+    track: RobotTracks, tick_s: float, moves: tuple[int, int], turn: int
+) -> tuple[Array, int]:
+    """Ticks of a move of each robot, (robots, 2), empty and loaded, and of a turn, as the log shows them.
+
+    `moves`, `turn`: ticks in the scenario, which hold for what the log shows too rarely.
+    """
+    robot, loaded = track.log.samples.robot, track.loaded
+    pace = np.tile(np.array(moves, np.float64), (len(track.log.robots), 1))
+    for load in range(2):
+        speeds, robots = speed_windows(track, loaded == load)
+        numbers, first = np.unique(robots, return_index=True)
+        of_robots = zip(numbers.tolist(), np.split(speeds, first)[1:], strict=True)
+        for number, own in [(slice(None), speeds), *of_robots]:
+            if len(own) >= MIN_SHOWN:
+                pace[number, load] = np.median(core(1 / np.maximum(own, SLOWEST), -1)) / tick_s
+    turns = corners_of(track, 1 / (pace[robot, loaded.astype(np.int64)] * tick_s))[1]
+    if len(turns) >= MIN_SHOWN:
+        turn = max(1, round(float(np.median(core(turns, -1))) / tick_s))
+    return pace, turn
 
 
 class SlowStretch(NamedTuple):

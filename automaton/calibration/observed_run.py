@@ -15,6 +15,7 @@ import msgspec
 import numpy as np
 
 from automaton.calibration.log_on_floor import placed
+from automaton.calibration.motion_fits import observed_pace
 from automaton.calibration.robot_timelines import (
     ObservedFleet,
     RobotTimeline,
@@ -80,11 +81,12 @@ def write_observed_run(log: StateLog, resolved: Resolved, path: Path) -> Observe
             "wrong stamps, or split the log"
         )
     demand = _demand_of(log, tick)
-    resolved = _observed(resolved, demand, log, begin)
     durations = resolved.scenario.durations
+    pace, turn = observed_pace(track, tick_ms / 1000, durations.moves, durations.turns[0])
+    resolved = _observed(resolved, demand, log, begin, turn)
     fleet = ObservedFleet(
         *(track, tick, demand.order, demand.load, Ways(resolved.floor_plan)),
-        *(durations.turns[0], durations.moves, max(ticks, 1), ORDER_PAUSE_MS / tick_ms),
+        *(pace, turn, max(ticks, 1), ORDER_PAUSE_MS / tick_ms),
     )
     lines = _timelines(fleet, numbers, robots)
     changes = _sorted_changes([line.changes for line in lines])
@@ -168,8 +170,10 @@ def _known_before(values: Array, robot: Array) -> Array:
     return known
 
 
-def _observed(resolved: Resolved, demand: ObservedDemand, log: StateLog, begin: int) -> Resolved:
-    """The scenario of an observed run."""
+def _observed(
+    resolved: Resolved, demand: ObservedDemand, log: StateLog, begin: int, turn: int
+) -> Resolved:
+    """The scenario of an observed run, with the ticks of a turn that the log shows."""
     data = {
         key: value
         for key, value in plain_data(resolved.scenario).items()
@@ -183,8 +187,10 @@ def _observed(resolved: Resolved, demand: ObservedDemand, log: StateLog, begin: 
     data["orders"] = {"list": [{"stops": [{"at": [x, y]}], "release": at} for at in releases]}
     data["stop"] = {"when": "never", "max_duration": LAST_TICK}
     data["strategy"] = {**dict.fromkeys(LAYER_NAMES, "none"), **STRATEGIES}
+    data["durations"] = {**data.get("durations", {}), "turn": turn}
     for kind in data["fleet"].get("types", []):
         kind.pop("strategy", None)
+        kind.get("durations", {}).pop("turn", None)
     if not np.isfinite(log.samples.charge).any():
         data.pop("battery", None)
     scenario = msgspec.convert(data, Scenario)

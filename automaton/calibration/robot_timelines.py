@@ -5,7 +5,7 @@
 
 Between two messages a robot drives at constant speed along the shortest way if there is only one. Else
 it stands until the next message, which finds it elsewhere. A wait is a tick in which a robot with an
-order or a load stands and will drive on.
+order or a load, or on its way to a charger, stands and will drive on.
 """
 
 from __future__ import annotations
@@ -115,8 +115,8 @@ class ObservedFleet(NamedTuple):
     order: Array  # (n,) order of the run that the robot works on, or NIL
     load: Array  # (n,) order of the run whose load it carries, or NIL
     ways: Ways
-    turn_ticks: int  # of a quarter in the scenario
-    move_ticks: tuple[int, int]  # in the scenario, empty and loaded
+    move_ticks: Array  # (robots of the log, 2) float64, empty and loaded
+    turn_ticks: int  # of a quarter
     ticks: int  # of the run
     silence: float  # ticks after which a name of an order is that of another one
 
@@ -157,6 +157,7 @@ class _Line:
         ticks = fleet.tick[rows]
         last = np.append(np.flatnonzero(np.diff(ticks)), len(ticks) - 1)  # of each tick
         self.fleet, self.ways = fleet, fleet.ways
+        self.move_ticks: list[float] = fleet.move_ticks[samples.robot[rows.start]].tolist()
         self.tick = ticks[last]
         self.end = np.append(self.tick[1:], self.tick[-1] + 1)  # until the next message
         stamps = samples.time[rows]
@@ -166,9 +167,9 @@ class _Line:
             one[rows][last]
             for one in (track.cell, track.to_cell, track.share, track.heading, *fleet[2:4])
         )
-        self.down, self.action, self.action_id, self.charge, self.charging = (
+        self.down, self.driving, self.action, self.action_id, self.charge, self.charging = (
             getattr(samples, name)[rows][last]
-            for name in ("down", "action", "action_id", "charge", "charging")
+            for name in ("down", "driving", "action", "action_id", "charge", "charging")
         )
         self.executed = np.zeros(fleet.ticks + 1, np.uint16)
         self.free = np.ones(fleet.ticks + 1, np.bool_)  # ticks without an action
@@ -224,9 +225,10 @@ class _Line:
         at = zip(
             *(one.tolist() for one in (self.tick, self.cell, self.to_cell, self.share)),
             *(self.usable.tolist(), self.down.tolist(), (self.load != NIL).tolist()),
+            self.driving.tolist(),
             strict=True,
         )
-        for tick, cell, to_cell, share, usable, down, is_loaded in at:
+        for tick, cell, to_cell, share, usable, down, is_loaded, drives in at:
             if cell == NIL:
                 if down and here != NIL:
                     self._put(tick, NIL)
@@ -234,7 +236,7 @@ class _Line:
                 continue
             nodes = None
             if before is not None and is_joined:
-                most = 1 + MAX_SPEED_FACTOR * (tick - before[3]) / min(self.fleet.move_ticks)
+                most = 1 + MAX_SPEED_FACTOR * (tick - before[3]) / min(self.move_ticks)
                 nodes = self._nodes(before[0], before[1], cell, to_cell, most)
             if nodes is None:
                 if here != cell:
@@ -248,21 +250,24 @@ class _Line:
                 for number in range(1, inner + 1):
                     part = (number - before[2]) / end if end > 0 else 1.0
                     arrival = before[3] + part * (tick - before[3])
-                    if number == inner and to_cell == NIL and not stood:  # likewise when it arrives
+                    stands = to_cell == NIL and drives < 1
+                    if number == inner and stands and not stood:  # likewise when it arrives
                         since, way = (before[3], 1 - before[2]) if number == 1 else (left, 1.0)
-                        arrival = min(arrival, since + way * self.fleet.move_ticks[is_loaded])
+                        arrival = min(arrival, since + way * self.move_ticks[is_loaded])
                     if stood:  # when it set out is known to a message only
-                        left = max(left, arrival - self.fleet.move_ticks[is_loaded])
+                        left = max(left, arrival - self.move_ticks[is_loaded])
                         stood = False
                     begin = max(round(left), busy_until)
                     busy_until = max(round(arrival), begin)
                     self._move(begin, busy_until, nodes[number - 1], nodes[number])
                     here, left = nodes[number], arrival
             if to_cell == NIL:
-                stood = before is not None and before[:2] == (cell, NIL)
+                stood = drives == 0 or (
+                    drives < 0 and before is not None and before[:2] == (cell, NIL)
+                )
                 left = tick
             elif stood:
-                begin = tick - share * self.fleet.move_ticks[is_loaded]
+                begin = tick - share * self.move_ticks[is_loaded]
                 left, stood = max(left, min(begin, tick - 1)), False
             before, is_joined = (cell, to_cell, share if to_cell != NIL else 0.0, tick), usable
 
@@ -371,35 +376,66 @@ class _Line:
         self.free[ticks[open_]] = False
 
     def enter_goals(self) -> None:
-        """Enter where the robot drives with its order: to its next operation, or where the order ends."""
+        """Enter where the robot drives: with its order to its next operation, or where the order ends;
+        without one to the charger at which it charges next."""
         begins = [first for first, _ in self.operations]
         since, cells = zip(*self.visits, strict=True) if self.visits else ((0,), (NIL,))
-        for first, last, task in self._tasks():
-            if not task:
-                continue
+        goals = [(0, NIL)]
+        for first, last in self._tasks():
             inner = begins[bisect_left(begins, first) : bisect_left(begins, last)]
             changes = zip([first, *(one + 1 for one in inner)], [*inner, last], strict=True)
-            self.changes += [
-                (tick, CHANGE_SEEN_GOAL, cells[max(0, bisect_right(since, goal) - 1)])
-                for tick, goal in changes
+            goals += [
+                (tick, cells[max(0, bisect_right(since, goal) - 1)]) for tick, goal in changes
             ]
+            goals.append((last, NIL))
+        for first, last, until in self._charges():
+            goals += [(first, cells[max(0, bisect_right(since, last) - 1)]), (until, NIL)]
+        goals.sort(key=lambda goal: goal[0])  # at one tick the end of a task comes before the next
+        self.changes += [(tick, CHANGE_SEEN_GOAL, cell) for tick, cell in goals]
 
-    def _tasks(self) -> Iterator[tuple[int, int, bool]]:
-        """First tick, end, and whether there is an order or a load, of each stretch with one order."""
+    def _tasks(self) -> list[tuple[int, int]]:
+        """First tick and end of each stretch with one order or one load; a robot that gives its order
+        back and takes it again in its place has it meanwhile."""
         begins = np.flatnonzero(np.diff(self.order, prepend=-2) | np.diff(self.load, prepend=-2))
-        firsts = [*self.tick[begins].tolist(), int(self.tick[-1])]
-        tasks = (self.order[begins] != NIL) | (self.load[begins] != NIL)
-        yield from zip(firsts[:-1], firsts[1:], tasks.tolist(), strict=True)
+        works = zip(self.order[begins].tolist(), self.load[begins].tolist(), strict=True)
+        tasks: list[tuple[int, int]] = []
+        last_work, moves = (NIL, NIL), [tick for tick, _ in self.moves]
+        for work, ends in zip(works, pairwise([*self.tick[begins], self.tick[-1]]), strict=True):
+            if work == (NIL, NIL):
+                continue
+            first, last = map(int, ends)
+            if work == last_work and bisect_right(moves, first) == bisect_right(
+                moves, tasks[-1][1]
+            ):
+                first, _ = tasks.pop()
+            tasks.append((first, last))
+            last_work = work
+        return tasks
+
+    def _charges(self) -> Iterator[tuple[int, int, int]]:
+        """First tick of the way to each stay at a charger, and the ticks in which the stay begins and
+        ends. The way begins with the first move after the last order or the last stay."""
+        begins = [tick for tick, _ in self.moves]
+        ends = [last for _, last in self._tasks()]
+        state = np.flatnonzero(np.diff(self.charging == 1, prepend=False, append=False))
+        end, before = [*self.tick.tolist(), int(self.end[-1])], 0
+        for one, other in state.reshape(-1, 2).tolist():
+            first, until = end[one], end[other]
+            done = bisect_right(ends, first)
+            move = bisect_right(begins, max(before, ends[done - 1] if done else 0))
+            yield min([first, *begins[move : move + 1]]), first, until
+            before = until
 
     def enter_waits(self) -> None:
-        """Enter the ticks in which a robot with an order stands and will drive on."""
+        """Enter the ticks in which a robot with an order, or on its way to a charger, stands and will
+        drive on."""
         begins = np.array([tick for tick, _ in self.moves], np.int64)
         ways = np.array([way for _, way in self.moves], np.int64)
         for row in np.flatnonzero(self.down).tolist():
             self.free[self.tick[row] : self.end[row]] = False
-        for first, last, task in self._tasks():
+        for first, last in [*self._tasks(), *(trip[:2] for trip in self._charges())]:
             ticks = np.arange(max(first, 1), last)
             following = np.searchsorted(begins, ticks)
-            goes_on = (following < np.searchsorted(begins, last)) & task
+            goes_on = following < np.searchsorted(begins, last)
             codes = EXECUTED_BLOCKED | ways[following[goes_on]] << WAY_SHIFT
             self._fill(ticks[goes_on], codes.astype(np.uint16))

@@ -12,7 +12,7 @@ from automaton.engine.fulfilment import release_orders
 from automaton.engine.jit.kernel import kernel
 from automaton.engine.motion import ARRIVED, HELD, LIVE, MOVED, TOWARDS
 from automaton.engine.observe import observe
-from automaton.engine.operations import note_move, note_time, note_turn, put_off, take_on
+from automaton.engine.operations import note_goal, note_move, note_time, note_turn, put_off, take_on
 from automaton.engine.random_numbers import next_tick
 from automaton.engine.record_codes import (
     ACTION_MASK,
@@ -133,6 +133,7 @@ def enter_changes(world, changes, row):
         elif code == CHANGE_SEEN_LOAD:
             change_load(world, i, value)
         elif code == CHANGE_SEEN_GOAL:
+            note_goal(world, i)
             robots.goal_cell[i] = value
         elif code == CHANGE_STATUS:
             world.clock.robots_down += (value != STATUS_UP) - (robots.status[i] != STATUS_UP)
@@ -203,7 +204,8 @@ def show(world, observation, i):
         robots.executed[i] = EXECUTED_SERVE
     act, ticks = executed & ACTION_MASK, np.int64(world.traffic.move_ticks[i])
     loaded = np.int64(1 if robots.load[i] != NIL else 0)
-    if robots.busy[i]:
+    is_busy = robots.busy[i] > 0
+    if is_busy:
         robots.busy[i] -= 1
     if robots.claim[i] != NIL and (robots.busy[i] == 0 or act != EXECUTED_NOTHING):
         robots.cell[i], robots.claim[i] = robots.claim[i], NIL
@@ -221,6 +223,7 @@ def show(world, observation, i):
         world.tally.ticks[i, ACTION_CHARGE, 0] += 1
     elif act == EXECUTED_BLOCKED:
         count_action(world, i, ACTION_BLOCKED, loaded, 1)
+        note_time(world, i, ACTION_BLOCKED, 1)
         way = (executed >> WAY_SHIFT) & 3
         if has_neighbour(world, i, way):
             world.traffic.intent[i] = HELD | TOWARDS | way
@@ -235,7 +238,7 @@ def show(world, observation, i):
     elif robots.status[i] >= STATUS_DEPLETED:
         robots.action[i] = ACTION_DOWN
         world.tally.ticks[i, ACTION_DOWN, 0] += 1 if robots.cell[i] != NIL else 0
-    elif robots.busy[i] == 0:
+    elif not is_busy:
         robots.action[i] = ACTION_IDLE
 
 
@@ -246,16 +249,17 @@ def is_turn(act):
 
 @kernel
 def set_goal_of(world, i, act):
-    """The goal of robot i: charging, its order or load, or none."""
+    """The goal of robot i: charging, its order or load, the charger that it drives to, or none."""
     robots = world.robots
     if act == EXECUTED_CHARGE:
         robots.goal_type[i] = GOAL_CHARGE
         robots.goal_cell[i] = robots.cell[i]
     elif robots.order[i] != NIL or robots.load[i] != NIL:
         robots.goal_type[i] = GOAL_STOP
+    elif robots.goal_cell[i] != NIL:
+        robots.goal_type[i] = GOAL_CHARGE
     else:
         robots.goal_type[i] = GOAL_NONE
-        robots.goal_cell[i] = NIL
 
 
 @kernel

@@ -148,6 +148,52 @@ def test_the_layer_counts_the_time_of_robots_in_cells(run: Recording, real: Path
     assert abs(int(real_less.sum())) <= 4, "the real robots are in the same cells"
 
 
+CROSSING = """\
+name: crossing
+layout:
+  picture: |
+    #t##t##t#
+    .........
+    .##.##.#.
+    .........
+    #t##t##t#
+fleet: {robots: 4, kinematics: differential}
+units: {tick: 0.5 s, cell: 1 m, clock: "2026-03-02 06:00"}
+durations: {move: 1 m/s, turn: 1 s, pick: 4 s, drop: 3 s}
+orders: {generator: stations, count: 900, mean_interarrival_time: 20}
+strategy: {allocation: first-come, right_of_way: pibt}
+stop: {when: never, max_duration: 500}
+"""
+
+
+def test_the_time_of_the_robots_is_split_as_in_the_run_whatever_the_scenario_plans(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    site, rec, out = (str(tmp_path / name) for name in ("site.yaml", "day.rec", "real.rec"))
+    Path(site).write_text(CROSSING)
+    truth = "durations={move: {empty: 3, loaded: 4}, turn: 5, pick: 9, drop: 6}"
+    assert main(["run", site, "--set", truth, "--record", rec, "--json"]) == 0
+    spent = json.loads(capsys.readouterr().out)["robot_time"]
+    for option in (["--every", "0.5s"], ["--on-events"]):
+        log = str(tmp_path / "log.jsonl")
+        assert main(["export", rec, "--vda5050", log, *option]) == 0
+        capsys.readouterr()
+        assert main(["log", log, "--floor", site, "--out", out, "--json"]) == 0
+        seen = json.loads(capsys.readouterr().out)["robot_time"]
+        shares = [
+            {
+                "on_orders": of["on_orders"],
+                "lost": sum(ticks for name, ticks in of.items() if name.startswith("lost_")),
+                "aside": of["driving_aside"],
+                "idle": of["idle"],
+            }
+            for of in (spent, seen)
+        ]
+        assert shares[0]["lost"] > 200 and shares[0]["on_orders"] > 1000
+        for name, ticks in shares[0].items():
+            assert abs(ticks - shares[1][name]) <= 0.02 * 4 * 500, (name, shares)
+
+
 def message(second: float, robot: str, x: float, y: float, **more: Any) -> str:
     """A message at a second; cell (i, j) of a floor of three rows is at x i + 0.5, y 2.5 - j."""
     moment = datetime.datetime(2026, 3, 2, 6) + datetime.timedelta(seconds=second)

@@ -90,6 +90,8 @@ def measurements(parts: Sequence[str]) -> list[Measurement]:
     found: list[Measurement] = []
     for name in parts:
         module, _, function = BENCH_PARTS[name].place.partition(":")
+        if module.startswith("tui.") and not os.path.exists("/proc/self/task"):
+            raise InputError(f"bench --only {name} counts CPU time by thread, which needs Linux")
         found += getattr(importlib.import_module(module), function or "measurements")()
     return found
 

@@ -78,7 +78,7 @@ def folders_of_the_user() -> None:
         Path(name).mkdir(exist_ok=True)
         Path(name, "mine.py").write_text(MINE, encoding="utf-8")
         module = f"{name}.mine:eager"
-        automaton("run", "tabletop-mini", "--set", f"strategy.allocation={module}")
+        automaton("check", "tabletop-mini", "--set", f"strategy.allocation={module}")
     output(sys.executable, "-m", "automaton", "run", "tabletop-mini")
 
 
@@ -108,6 +108,7 @@ def main(file: str, chosen: str = "") -> None:
     folders_of_the_user()
     watched("tabletop-mini")
     if not chosen:
+        automaton("run", "tabletop-mini", "--set", "strategy.allocation=tui.mine:eager")
         homes()
 
 

@@ -108,9 +108,9 @@ def read_releases(
     Raises InputError for a file without dates.
     """
     options = TableOptions(file=str(path), time=time)
-    fields = [ReleaseField(), TextField("text")]
     name = (columns or {}).get("released", "released")
     names = {"released": name, "text": name}
+    fields = ReleaseField(), TextField("text")
     table = read_columns(path, fields, options, names, SECOND_TICKS, (), False)
     table.errors.raise_any()
     text = table.counts.tick_zero

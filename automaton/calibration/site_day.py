@@ -78,6 +78,7 @@ class SiteDay(NamedTuple):
     released: Array  # (m,) seconds from the start to the release of each order, or (): not known
     cells: Array  # (n,) int32 where each robot of the scenario is first in the log; NIL: not known
     notes: tuple[str, ...]
+    moves: Array  # (k,) a number of each message of a robot that moved
 
     @property
     def mark(self) -> str:
@@ -195,6 +196,7 @@ def day_of(
         day.released,
         cells,
         tuple(notes),
+        log.marks_of_moves(),
     )
 
 

@@ -346,6 +346,11 @@ def test_compare_prints_its_verdict(folder: Path, capsys: pytest.CaptureFixture[
     assert record["verdict"] == "cannot be said" and record["days"][0]["p"] > 0.05
     assert "one day has no spread" in record["sentence"] and record["reasons"] == []
     assert record["days"][0]["model"].keys() == record["days"][0]["site"].keys()
+    (folder / "again.jsonl").write_text(
+        (folder / "day.jsonl").read_text()[2000:].partition("\n")[2]
+    )
+    assert main([*command[:3], str(folder / "again.jsonl"), *command[3:]]) == 2
+    assert "again repeats the messages of day; a day counts once" in capsys.readouterr().err
     orders = ["--orders", "a.csv", "--orders", "b.csv"]
     assert main([*command, *orders]) == 2
     assert "--orders is there 2 times, but there are 1 log" in capsys.readouterr().err

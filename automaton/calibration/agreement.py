@@ -42,6 +42,7 @@ DECISIVE: Final = (ORDERS_AN_HOUR, LEAD_TIME)  # a model matches if both are wit
 TINY: Final = 1e-9  # spread of what is 0 in all runs
 LEAST_SPREAD: Final = 0.005  # of the mean: runs that all agree are not certain
 LEAST_ORDER_SPREAD: Final = 0.5  # the same, of orders in an hour
+TESTS: Final = 15  # about as many as a comparison makes
 MIN_STRETCH_SHARE: Final = 0.002  # of the robot time; less busy stretches are not compared
 MATCHES: Final = "matches"
 DIFFERS: Final = "differs"
@@ -85,7 +86,9 @@ class QuantityDifference(NamedTuple):
     p: float  # adjusted; 1: one day
     tolerance: float | None
     verdict: str
-    days_needed: int | None  # for the tolerance at POWER; None: not known, or no tolerance
+    # To show that the difference is within the tolerance, or that there is one, at POWER; None: not
+    # known, or no tolerance.
+    days_needed: int | None
 
     @property
     def relative(self) -> float:
@@ -198,10 +201,23 @@ def combined(values: Sequence[float]) -> float:
 # Over days.
 
 
-def relative_differences(days: Sequence[DayResult], name: str) -> list[float]:
+def relative_differences(days: Sequence[DayResult], name: str) -> Sequence[float]:
     """Real / mean of the runs - 1 on each day that has both."""
     pairs = [(day.real[name], day.mean(name)) for day in days]
-    return [real / mean - 1 for real, mean in pairs if math.isfinite(real) and mean > 0]
+    known = [real / mean - 1 for real, mean in pairs if math.isfinite(real) and mean > 0]
+    return spread_out(known)
+
+
+def spread_out(values: Sequence[float], scale: float = 1.0) -> Sequence[float]:
+    """Values of days with a standard deviation of at least LEAST_SPREAD of `scale`: days that all agree
+    are not certain."""
+    least = max(LEAST_SPREAD * scale, TINY)
+    if len(values) < 2 or np.std(values, ddof=1) >= least:
+        return values
+    apart = np.resize([1.0, -1.0], len(values))
+    apart[-1] *= 1 - len(values) % 2
+    wide: list[float] = (np.mean(values) + least / np.std(apart, ddof=1) * apart).tolist()
+    return wide
 
 
 def p_of_zero(values: Sequence[float]) -> float:
@@ -220,7 +236,7 @@ def difference(
     verdict = DIFFERS if p <= ERROR else UNDECIDED
     if interval is not None and interval.low is not None and interval.high is not None:
         spread = float(np.std(values, ddof=1))
-        needed = None if tolerance is None else days_needed(spread, tolerance)
+        needed = None if tolerance is None else days_needed(spread, tolerance, interval.value)
         if tolerance is not None and -tolerance < interval.low and interval.high < tolerance:
             verdict = MATCHES
     real = mean_of(day.real[name] for day in days)
@@ -228,13 +244,16 @@ def difference(
     return QuantityDifference(name, real, simulated, interval, p, tolerance, verdict, needed)
 
 
-def days_needed(spread: float, tolerance: float) -> int:
-    """Days after which two one-sided tests show equal means with POWER.
+def days_needed(spread: float, tolerance: float, mean: float = 0.0) -> int:
+    """Days that show with POWER that the mean lies within a tolerance, else that it differs from 0.
 
-    `spread`: standard deviation of the relative differences of days. 4, 11 and 44 days for 3, 5 and
-    10 % at a tolerance of 5 %.
+    `spread`: standard deviation of the relative differences of days, of which `mean` is the mean if it
+    is beyond the tolerance. 4, 11 and 44 days for 3, 5 and 10 % at a tolerance of 5 %.
     """
     z = normal_quantile(1 - ERROR) + normal_quantile(1 - (1 - POWER) / 2)
+    if abs(mean) >= tolerance:
+        # Among some ten tests, adjusted for their number and the bands.
+        z, tolerance = normal_quantile(1 - ERROR / (4 * TESTS)) + normal_quantile(POWER), abs(mean)
     return max(2, math.ceil((z * spread / tolerance) ** 2))
 
 
@@ -246,7 +265,8 @@ def stretch_differences(days: Sequence[DayResult]) -> list[StretchDifference]:
     both = (real + simulated).sum(axis=0)
     busy = np.flatnonzero(both >= MIN_STRETCH_SHARE * both.sum())
     apart = real - simulated
-    adjusted = holm([p_of_zero(apart[:, number]) for number in busy])
+    scale = both / (2 * len(days))
+    adjusted = holm([p_of_zero(spread_out(apart[:, at], float(scale[at]))) for at in busy])
     ranked = [
         StretchDifference(
             number, float(real[:, number].mean()), float(simulated[:, number].mean()), p

@@ -96,17 +96,18 @@ def missing(one: QuantityDifference, days: int) -> str:
     within = percent(one.tolerance or 0, 0)
     if one.days_needed is None:
         return (
-            "one day has no spread; a match within 5 % takes 4, 11 or 44 days that differ by 3, 5 or "
-            "10 % (power 90 %)"
+            "one day has no spread; a match within 5 % needs about 4, 11 or 44 days that differ by 3, 5 "
+            "or 10 % (power 90 %)"
         )
-    if one.days_needed > days:
-        return (
-            f"a match of {one.quantity} within {within} takes {count(one.days_needed, 'day')} that "
-            f"differ as these {days:,} do (power 90 %)"
-        )
+    needs = f"needs about {count(max(one.days_needed, days + 1), 'day')} like these {days:,}"
+    if one.tolerance is None or abs(one.relative) < one.tolerance:
+        return f"to show that {one.quantity} is within {within} {needs} (power 90 %)"
     assert one.interval is not None and one.interval.low is not None, "several days"
     ends = f"{100 * one.interval.low:+.1f} to {100 * (one.interval.high or 0):+.1f} %"
-    return f"the difference of {one.quantity}, {ends}, is neither significant nor within {within}"
+    return (
+        f"{one.quantity} of the site is {100 * one.relative:+.1f} % beside the model ({ends}), beyond "
+        f"{within}, but so few days may differ by chance; to show it {needs}"
+    )
 
 
 def judged(result: Agreement) -> list[QuantityDifference]:

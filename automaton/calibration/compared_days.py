@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
+from itertools import combinations
 from typing import Any, Final, NamedTuple
 
 import numpy as np
@@ -31,6 +32,7 @@ from automaton.world.floor_parts import service_cells
 
 Array = np.ndarray[Any, Any]
 
+MAX_EQUAL: Final = 0.5  # share of the messages of two days
 HEADINGS_OF_RAILS: Final = 2
 MIN_IN_STRETCHES: Final = 0.5  # of the drivable cells; on a more open floor, crossings count too
 
@@ -116,6 +118,10 @@ def plans_of(days: Sequence[SiteDay]) -> dict[str, DayPlan]:
     }
     if len(plans) < len(days):
         raise InputError("two logs have one name, and days are known by it; rename one of them")
+    for one, other in combinations(days, 2):
+        least = min(len(one.moves), len(other.moves))
+        if least and len(np.intersect1d(one.moves, other.moves, True)) > MAX_EQUAL * least:
+            raise InputError(f"{other.name} repeats the messages of {one.name}; a day counts once")
     return plans
 
 

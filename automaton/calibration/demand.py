@@ -23,7 +23,7 @@ from automaton.errors import InputError
 from automaton.scenario.arrivals import HOURS_OF_DAY, HOURS_OF_WEEK, SECONDS_OF_HOUR
 from automaton.scenario.file_times import MICRO, TICKS, read_time
 from automaton.scenario.quantities import Scale
-from automaton.scenario.table_fields import ReleaseField, TableOptions
+from automaton.scenario.table_fields import ReleaseField, TableOptions, TextField
 from automaton.scenario.table_reader import read_columns
 from automaton.units import count
 
@@ -108,7 +108,10 @@ def read_releases(
     Raises InputError for a file without dates.
     """
     options = TableOptions(file=str(path), time=time)
-    table = read_columns(path, [ReleaseField()], options, columns, SECOND_TICKS, (), False)
+    name = (columns or {}).get("released", "released")
+    names = {"released": name, "text": name}
+    fields = ReleaseField(), TextField("text")
+    table = read_columns(path, fields, options, names, SECOND_TICKS, (), False)
     table.errors.raise_any()
     text = table.counts.tick_zero
     earliest = read_time(text, time, SECOND_TICKS)
@@ -116,9 +119,13 @@ def read_releases(
         column = table.column_of["released"]
         example = "such as 2026-03-02 06:30"
         raise InputError(f"{column} needs a date in each row, {example}", str(path))
-    since = datetime.timedelta(microseconds=earliest.value) + _offset_of(text, time)
-    first = datetime.datetime.fromordinal(1) + since - datetime.timedelta(days=1)
-    return Releases(first, np.sort(table.values["released"].astype(np.int64)))
+    since = datetime.timedelta(microseconds=earliest.value)
+    utc = datetime.datetime.fromordinal(1) + since - datetime.timedelta(days=1)
+    # Daylight saving changes the offset within a file.
+    offsets = [_offset_of(one, time).total_seconds() for one in table.names["text"]]
+    shifts = np.array(offsets, np.int64)[table.values["text"]]
+    seconds = np.sort(table.values["released"] + shifts)
+    return Releases(utc + datetime.timedelta(seconds=int(seconds[0])), seconds - seconds[0])
 
 
 def releases_at(moments: Array) -> Releases:

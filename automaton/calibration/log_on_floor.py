@@ -140,7 +140,12 @@ class RobotTracks:
         bins = np.round((self.seconds - self.seconds.min()) / self.gap).astype(np.int64)
         x, y = np.round(np.nan_to_num(self.place, nan=-64.0)).astype(np.int64) + 64
         width, height = int(x.max()) + 64, int(y.max()) + 64
-        occupied = np.unique((bins * width + x) * height + y)
+        # The lowest and the highest number of the robots in each cell and bin: one of them is another.
+        place = (bins * width + x) * height + y
+        order = np.argsort(place, kind="stable")
+        occupied, first = np.unique(place[order], return_index=True)
+        robot = self.log.samples.robot
+        low, high = (ends.reduceat(robot[order], first) for ends in (np.minimum, np.maximum))
         across, down = np.where(self.usable, np.nan_to_num(self.step), 0)
         along_x = abs(across) >= abs(down)
         travel = np.where(
@@ -154,7 +159,7 @@ class RobotTracks:
                 cells_x, cells_y = x + ahead * dx - aside * dy, y + ahead * dy + aside * dx
                 key = (bins * width + cells_x) * height + cells_y
                 at = np.searchsorted(occupied[:-1], key)
-                out |= occupied[at] == key
+                out |= (occupied[at] == key) & ((low[at] != robot) | (high[at] != robot))
         return out
 
     @cached_property

@@ -196,7 +196,13 @@ def _observed(
     scenario = msgspec.convert(data, Scenario)
     strategies = choose_strategies(scenario, resolved.floor_plan)
     return replace(
-        resolved, scenario=scenario, strategies=strategies, own_allocations=(), days=(), coarse=None
+        resolved,
+        scenario=scenario,
+        strategies=strategies,
+        own_allocations=(),
+        days=(),
+        coarse=None,
+        observed=True,
     )
 
 

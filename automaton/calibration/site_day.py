@@ -11,6 +11,7 @@ from __future__ import annotations
 import datetime
 import math
 from collections.abc import Iterator, Mapping, Sequence
+from fractions import Fraction
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
@@ -47,6 +48,14 @@ OPTIONS: Final = ("file", "sheet", "where", "encoding")  # that decide which row
 EPOCH: Final = datetime.datetime(1970, 1, 1)
 
 
+class OrderFile(NamedTuple):
+    """A file of orders that was read."""
+
+    since: int  # milliseconds since 1970 of tick 0
+    listed: Sequence[Any]  # orders or lines
+    names: Sequence[str]  # of the orders; empty: not known
+
+
 class ComparedSite(NamedTuple):
     """A scenario, and how logs and files of orders are read."""
 
@@ -57,6 +66,7 @@ class ComparedSite(NamedTuple):
     log_columns: Mapping[str, str] | None
     order_columns: Mapping[str, str] | None
     order_time: str | None
+    files: dict[Path, OrderFile]  # of orders that were read
 
     @property
     def ahead(self) -> int:
@@ -78,6 +88,7 @@ class SiteDay(NamedTuple):
     released: Array  # (m,) seconds from the start to the release of each order, or (): not known
     cells: Array  # (n,) int32 where each robot of the scenario is first in the log; NIL: not known
     notes: tuple[str, ...]
+    moves: Array  # (k,) a number of each message of a robot that moved
 
     @property
     def mark(self) -> str:
@@ -195,6 +206,7 @@ def day_of(
         day.released,
         cells,
         tuple(notes),
+        log.marks_of_moves(),
     )
 
 
@@ -259,21 +271,13 @@ def orders_of_file(
     Raises InputError.
     """
     scenario = site.base.unrefined.scenario
-    file: dict[str, Any] = {"file": str(path.resolve())}
-    file |= {"time": site.order_time} if site.order_time else {}
-    file |= {"columns": dict(site.order_columns)} if site.order_columns else {}
     form = "lines" if carries_pods(scenario, site.base.floor_plan) else "transports"
-    named = {**file_options(site, form), **file}
-    settings = (
-        *site.settings,
-        clock_setting(site, begin, DAY_S),
-        Override(f"--orders {path}", ("orders",), {form: named}),
-    )
-    read = resolve(site.scenario, settings).unrefined.scenario.orders
-    listed: Sequence[Any] = read.listed or listed_lines(read)
+    if path not in site.files or site.files[path].since > begin:
+        site.files[path] = read_orders(site, path, form, begin)
+    since, listed, names = site.files[path]
     tick = scenario.units.scale.tick_seconds
-    releases = np.array([order.release for order in listed]) - int(DAY_S / tick)
-    names = [] if form == "lines" else order_names(named, path)
+    releases = np.array([order.release for order in listed])
+    releases -= round(Fraction(begin - since, 1000) / tick)
     code = {log.orders[number]: number for number in orders_in(log)}
     codes = np.array([code.get(name, NIL) for name in names] or [NIL] * len(listed))
     chosen = np.flatnonzero((releases < ticks) & ((releases >= 0) | (codes != NIL)))
@@ -299,6 +303,23 @@ def orders_of_file(
     section = {"list" if form == "transports" else form: entries}
     same_numbers = np.append(np.arange(len(log.orders)), NIL)  # the last: without an order
     return DayOrders(section, same_numbers, np.zeros(0), tuple(notes))
+
+
+def read_orders(site: ComparedSite, path: Path, form: str, begin: int) -> OrderFile:
+    """Read a file of orders, with tick 0 a day before `begin`. Raises InputError."""
+    file: dict[str, Any] = {"file": str(path.resolve())}
+    file |= {"time": site.order_time} if site.order_time else {}
+    file |= {"columns": dict(site.order_columns)} if site.order_columns else {}
+    named = {**file_options(site, form), **file}
+    settings = (
+        *site.settings,
+        clock_setting(site, begin, DAY_S),
+        Override(f"--orders {path}", ("orders",), {form: named}),
+    )
+    read = resolve(site.scenario, settings).unrefined.scenario.orders
+    listed: Sequence[Any] = read.listed or listed_lines(read)
+    since = round(begin / 1000 - DAY_S) * 1000  # clocks have whole seconds
+    return OrderFile(since, listed, [] if form == "lines" else order_names(named, path))
 
 
 def entry_of(order: Any, release: int) -> dict[str, Any]:

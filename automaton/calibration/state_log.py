@@ -27,6 +27,10 @@ NUMBER_WIDTH: Final = 20  # digits of numbers in names, to sort these
 ORDER_PAUSE_MS: Final = 3_600_000  # sites begin with number 1 again, as each day
 MIN_SILENT_S: Final = 360.0  # 0.1 h
 CLOCK_STEP_MS: Final = 1000  # smaller steps back are unordered messages
+NEAR_MS: Final = 1000  # between messages of two files whose places are compared
+MIN_NEAR: Final = 10
+MAX_ELSEWHERE: Final = 0.2  # share of these messages that find a robot elsewhere
+NIL: Final = -1
 MESSAGES_AT_A_TIME: Final = 8192  # rows held as Python objects
 
 
@@ -106,6 +110,20 @@ class StateLog(NamedTuple):
             samples=samples, usable=self.usable[rows] & (np.diff(rows, append=-1) == 1)
         )
 
+    def marks_of_moves(self) -> Array:
+        """(k,) a number for each message that finds its robot elsewhere than the one before; equal for
+        equal messages."""
+        samples = self.samples
+        x, y = (np.nan_to_num(np.round(1000 * one)).astype(np.int64) for one in samples[2:4])
+        moved = np.append(False, (np.diff(x) != 0) | (np.diff(y) != 0)) & np.append(
+            False, np.diff(samples.robot) == 0
+        )
+        mixed = samples.time * 1_000_003 + samples.robot
+        for one in (x, y):
+            mixed = mixed * 1_000_003 + one  # wraps
+        marks: Array = np.unique(mixed[moved])
+        return marks
+
     def rows_of_robots(self) -> list[slice]:
         """The rows of each robot."""
         firsts = np.searchsorted(self.samples.robot, np.arange(len(self.robots) + 1)).tolist()
@@ -142,6 +160,7 @@ def read_log(paths: Iterable[Path], columns: Mapping[str, str] | None = None) ->
     names = LogNames()
     reader = LineReader(names, columns or {})
     files: list[dict[str, Array]] = []
+    paths = list(paths)
     for path in paths:
         parts: dict[str, list[Array]] = {name: [] for name in ROW_FIELDS}
         rows = reader.rows(path)
@@ -151,9 +170,53 @@ def read_log(paths: Iterable[Path], columns: Mapping[str, str] | None = None) ->
         if not parts["time"]:
             raise InputError(f"has no state message{reader.first_reason}", str(path))
         files.append({name: np.concatenate(parts.pop(name)) for name in ROW_FIELDS})
+    for (one, first), (other, second) in itertools.combinations(zip(files, paths, strict=True), 2):
+        if (robot := _contradicted(one, other)) != NIL:
+            name = list(names.robots)[robot]
+            raise InputError(
+                f"has robot {name} elsewhere than {first} at equal times; if they are two days with one "
+                "clock, give each its own date (units.clock)",
+                str(second),
+            )
     files.sort(key=lambda one: int(one["time"][0]))
     arrays = {name: np.concatenate([one.pop(name) for one in files]) for name in ROW_FIELDS}
     return _ordered(arrays, names, reader)
+
+
+def _contradicted(one: dict[str, Array], other: dict[str, Array]) -> int:
+    """A robot that two files have in different places at equal times, or NIL.
+
+    Files that repeat messages, or share those of a robot, agree: no message is farther from the nearest
+    one of the other file than the robot can drive.
+    """
+    begin = max(one["time"].min(), other["time"].min()) - NEAR_MS
+    end = min(one["time"].max(), other["time"].max()) + NEAR_MS
+    a, b = (_rows_between(file, begin, end) for file in (one, other))
+    if len(a["time"]) < MIN_NEAR or len(b["time"]) < MIN_NEAR:
+        return NIL
+    keys = [rows["robot"] * np.int64(end - begin + 1) + rows["time"] - begin for rows in (a, b)]
+    after = np.minimum(np.searchsorted(*keys), len(keys[0]) - 1)
+    before = np.maximum(after - 1, 0)
+    is_nearer = abs(keys[0][before] - keys[1]) < abs(keys[0][after] - keys[1])
+    at = np.where(is_nearer, before, after)
+    late = abs(keys[0][at] - keys[1])
+    apart = np.hypot(a["x"][at] - b["x"], a["y"][at] - b["y"])
+    near = (a["robot"][at] == b["robot"]) & (late <= NEAR_MS) & np.isfinite(apart)
+    steps, elapsed = np.hypot(np.diff(a["x"]), np.diff(a["y"])), np.diff(keys[0])
+    speeds = (steps / np.maximum(elapsed, 1))[(np.diff(a["robot"]) == 0) & (steps > 0)]
+    if near.sum() < MIN_NEAR or not len(speeds):
+        return NIL
+    reach = 2 * np.quantile(speeds, 0.99) * (late + NEAR_MS / 2)
+    elsewhere = near & (apart > reach)
+    is_contradicted = elsewhere.sum() > MAX_ELSEWHERE * near.sum()
+    return int(b["robot"][np.argmax(elsewhere)]) if is_contradicted else NIL
+
+
+def _rows_between(file: dict[str, Array], begin: int, end: int) -> dict[str, Array]:
+    """Robot, time and place of the messages of a stretch, by robot and time."""
+    rows = np.flatnonzero((file["time"] >= begin) & (file["time"] <= end))
+    rows = rows[np.lexsort((file["time"][rows], file["robot"][rows]))]
+    return {name: file[name][rows] for name in ("robot", "time", "x", "y")}
 
 
 def _ordered(arrays: dict[str, Array], names: LogNames, reader: LineReader) -> StateLog:

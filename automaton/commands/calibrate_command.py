@@ -189,7 +189,7 @@ def tuned_model(args: argparse.Namespace, fits: Any, model: FittedModel) -> Tuni
     numbers = output_tuning.tuned_numbers(args.tune, data)
     base = resolve(args.floor, settings)
     columns = dict(args.columns), order_columns(args), args.order_time
-    site = ComparedSite(args.floor, settings, None, base, *columns)
+    site = ComparedSite(args.floor, settings, None, base, *columns, {})
     days = [day for log in args.logs for day in read_days(site, log, args.orders)]
     done = 0
 

@@ -69,7 +69,7 @@ def run(args: argparse.Namespace) -> int:
     named = order_columns(args)
     settings = tuple(args.settings)
     site = ComparedSite(
-        args.scenario, settings, args.seed, base, dict(args.columns), named, args.order_time
+        args.scenario, settings, args.seed, base, dict(args.columns), named, args.order_time, {}
     )
     none: list[Path | None] = [None]
     of_log = [*orders] if len(orders) > 1 else [*(orders or none)] * len(args.logs)

@@ -44,6 +44,7 @@ from automaton.engine.observation import (
     CAUSE_RANDOM_WAIT,
     CAUSE_REDESIGN,
     CAUSE_RETREAT,
+    CAUSE_STANDING,
     CAUSE_STATION_BREAK,
     CAUSE_STATION_QUEUE,
     CAUSE_UNDECIDED,
@@ -267,7 +268,7 @@ def cause_of_wait(world, observation, i):
     if observation.blocker[U(i)] == NIL:
         intent = np.int64(world.traffic.intent[U(i)])
         if intent & HELD:
-            return CAUSE_HELD_BACK
+            return CAUSE_HELD_BACK if world.rules.steered[0] else CAUSE_STANDING
         return CAUSE_FOLLOWING_CONFLICT if intent & REFUSED else CAUSE_RANDOM_WAIT
     q = np.int64(robots.at_index[U(observation.blocker[U(i)])])
     wanted = observation.wanted[U(i)]

@@ -59,6 +59,7 @@ CAUSE_CLOSED: Final = 26  # and the other kinds of gates after it, in the sequen
 CAUSE_DOOR: Final = 27
 CAUSE_BLOCK: Final = 28
 CAUSE_LIFT: Final = 29
+CAUSE_STANDING: Final = 30  # only in observed runs
 CAUSE_UNDECIDED: Final = 255  # within a tick: waits for a cell; the cause depends on its holder
 
 _HELD = "rule of occupancy: a cell holds no more robots than its capacity"
@@ -206,6 +207,12 @@ CAUSES: Final = (
         "lift",
         "{cell} is in a lift whose cabin is not ready for {robot}",
         "a lift takes one robot at a time, and comes when it is called",
+        False,
+    ),
+    Cause(
+        "standing",
+        "{robot} stands, and no robot is ahead",
+        "a log of real robots does not show why",
         False,
     ),
 )

@@ -16,6 +16,7 @@ from automaton.engine.observation import (
     CAUSE_NO_ENERGY,
     CAUSE_NO_ORDER,
     CAUSE_NOT_WAITING,
+    CAUSE_STANDING,
     CAUSE_STATION_BREAK,
     CAUSE_STATION_QUEUE,
     CAUSES,
@@ -157,6 +158,8 @@ def link_of(snapshot: Snapshot, floor_plan: FloorPlan, robot: int) -> WaitingRob
     if code == CAUSE_NOT_WAITING:
         return WaitingRobot(robot, "", None, NIL, 0, f"robot {robot} {doing(snapshot, robot)}", "")
     cause, rule = CAUSES[code], CAUSES[code].rule
+    if snapshot.observed and code != CAUSE_STANDING:
+        rule = ""  # real robots have rules of their own
     blocker, wanted = int(fleet.blocker[robot]), int(fleet.wanted[robot])
     cell = None if wanted == NIL else floor_plan.xy(wanted)
     because = cause.text.format(

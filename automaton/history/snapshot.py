@@ -92,6 +92,7 @@ class Snapshot:
     layer: str  # requested map layer; the viewer adds its numbers
     heat: Array | None = None  # (C,) int32, or None
     flow: Array | None = None  # (C, 4) int32
+    observed: bool = False  # what real robots did
     detour: int = 0  # ticks by which streets make the selected robot's way longer than the shortest
 
 
@@ -131,6 +132,7 @@ def take_snapshot(simulation: Simulation, selected: int = NIL, layer: str = "") 
         curve=world.rules.curve,  # constant
         lost_in_zone=observation.lost_in_zone.copy(),
         layer=layer,
+        observed=simulation.resolved.observed,
         detour=_detour(simulation, selected),
     )
 

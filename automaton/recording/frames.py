@@ -550,6 +550,7 @@ def resolved_of(header: Content, with_strategies: bool = True) -> Resolved:
         start=start if isinstance(start, str) else tuple(start),  # type: ignore[arg-type]
         source=header["text"],
         overrides=tuple(header["overrides"]),
+        observed="observed" in header,
     )
     return in_fine_ticks(resolved)
 

@@ -111,6 +111,10 @@ METRIC_CATALOGUE: dict[str, tuple[str, str]] = {
         "time that robots with orders spend on moves that later moves undo, and on turns that the "
         "next move did not need",
     ),
+    "lost_standing": (
+        "ticks",
+        "time that real robots stand with an order and drive on later; a log does not show why",
+    ),
     "slowdown_ticks": (
         "ticks",
         "extra duration of moves because of slow zones, speed limits and chance; not included in "

@@ -208,8 +208,7 @@ def counted(run: Measured) -> Counted:
         "deadlocks": int(world.deadlocks.count.total),
         "deadlock_time": int(world.deadlocks.count.robot_ticks),
     }
-    for name in _not_lost(world):
-        del sums[name]
+    _name_lost_ticks(run, sums)
     sums |= {
         "retreats": int(times[ACTION_RETREAT].sum()),
         "illegal_answers": int(tally.illegal.sum()),
@@ -361,16 +360,24 @@ def may_slow(world: World) -> bool:
     return bool(slows or world.tally.slowdown_ticks.any())
 
 
-def _not_lost(world: World) -> list[str]:
-    """The metrics of lost ticks that do not apply to a run."""
+def _name_lost_ticks(run: Measured, figures: dict[str, Any]) -> None:
+    """Delete the metrics of lost ticks that do not apply to a run; why robots of an observed run stand
+    is not known."""
+    world, is_observed = run.world, run.resolved.observed
+    if is_observed:
+        figures["lost_standing"] = figures["lost_refused"]
     absent = {
+        "lost_standing": not is_observed,
+        "lost_refused": is_observed,
         "lost_charger_queue": not world.rules.battery,
         "lost_station_queue": not (has_lines(world) or _has_queues(world)),
         "lost_held_back": not world.rules.steered[0],
         "lost_at_gates": not len(world.gates.kind),
         "lost_following": not _follows(world),
     }
-    return [name for name, is_absent in absent.items() if is_absent]
+    for name, is_absent in absent.items():
+        if is_absent:
+            del figures[name]
 
 
 def _has_queues(world: World) -> bool:
@@ -422,8 +429,7 @@ def metrics_by_robot(run: Measured) -> list[dict[str, Any]]:
     for identity, i in enumerate(world.robots.at_index):
         figures = _shares(world.tally.operations[i], ticks[i], Uses(*(use[i] for use in uses)))
         on_orders = figures.pop("on_orders")
-        for name in _not_lost(world):
-            del figures[name]
+        _name_lost_ticks(run, figures)
         actions = {
             ACTION_NAMES[a] + "s": int(world.tally.operations[i, a].sum())
             for a in OPERATION_STATES
@@ -503,6 +509,7 @@ def _of_actions(times: Array, ticks: Array, uses: Uses) -> dict[str, int]:
         **lost,
         "lost_charger_queue": int(uses.to_charger[LOST_TO_CHARGERS].sum()),
         "lost_making_way": int(uses.making_way),
+        "lost_standing": 0,
     }
 
 

@@ -250,13 +250,14 @@ def heading(resolved: Resolved, outcome: Outcome, tick: Unit) -> list[str]:
         f"{layer.replace('_', ' ')} "
         + (allocations(resolved) if layer == "allocation" else choice.name)
         for layer, choice in resolved.strategies.items()
-        if choice.name != NO_STRATEGY
+        if choice.name != NO_STRATEGY and not resolved.observed
     ]
     cell = "" if scenario.units.cell is None else f", 1 cell = {scenario.units.cell}"
+    digest = "" if resolved.observed else f"; digest {outcome.digest}"
     return [
         f"{scenario.name}, {count(scenario.fleet.robots, 'robot')}, seed {scenario.seed}: {end}, "
         f"{outcome.delivered:,} of {count(outcome.orders, 'order')} delivered",
-        ", ".join(strategies),
+        *([", ".join(strategies)] if strategies else []),
         *([f"orders of {day}"] if (day := resolved.day_in_words) else []),
         *([rows] if (rows := file_without_rows(resolved)) else []),
         *out_of_orders(outcome),
@@ -264,7 +265,7 @@ def heading(resolved: Resolved, outcome: Outcome, tick: Unit) -> list[str]:
         *(describe_wait_cycles(outcome.circles) if outcome.finished or outcome.stopped else []),
         *(describe_jam(outcome.jam) if outcome.finished or outcome.stopped else []),
         *refinement(scenario),
-        f"1 tick = {shown_unit(scenario.units.tick)}{cell}; digest {outcome.digest}"
+        f"1 tick = {shown_unit(scenario.units.tick)}{cell}{digest}"
         + ("" if outcome.wall_s is None else f"; computed in {1000 * outcome.wall_s:,.1f} ms"),
     ]
 

@@ -95,6 +95,7 @@ def not_measured(scenario: Scenario) -> dict[str, str]:
             follows_in_convoy(scenario),
             "world.following convoy, and moves of several ticks",
         ),
+        (("lost_standing",), False, "a log of real robots"),
         (("distance",), scenario.units.cell is not None, "units.cell"),
         (
             ("slowdown_ticks",),

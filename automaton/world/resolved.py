@@ -54,6 +54,7 @@ class Resolved:
     days: tuple[Day, ...] = ()  # files of orders or lines; a seed draws one of them
     day: int = 0  # the one whose orders the scenario has
     day_pattern: str = ""  # that the files match; "" if the scenario names a single one
+    observed: bool = False  # what real robots did: nothing is decided
 
     @cached_property
     def fleet(self) -> FleetOnFloor:

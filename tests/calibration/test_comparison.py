@@ -13,6 +13,7 @@ import pytest
 from automaton.calibration import agreement as judged
 from automaton.calibration import output_tuning
 from automaton.calibration.agreement import DayResult, agreement, combined, days_needed, holm
+from automaton.calibration.agreement_report import missing
 from automaton.calibration.compared_days import place_robots, plans_of
 from automaton.calibration.fleet_trace import (
     FleetTrace,
@@ -65,7 +66,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def site_in(folder: Path, *settings: str) -> ComparedSite:
     scenario = str(folder / "site.yaml")
-    return ComparedSite(scenario, settings, None, resolve(scenario, settings), {}, None, None)
+    return ComparedSite(scenario, settings, None, resolve(scenario, settings), {}, None, None, {})
 
 
 def read_day(site: ComparedSite, log: Path, orders: Path | None) -> SiteDay:
@@ -153,7 +154,7 @@ def test_lead_times_begin_at_the_release_if_a_file_names_the_orders(folder: Path
     assert f"{len(day.released)} orders of orders.csv" in " ".join(day.notes)
     path.write_text("\n".join(head) + "\n", encoding="utf-8")
     with pytest.raises(InputError, match=r"orders.csv: no order is released during the log"):
-        read_day(site, folder / "day.jsonl", path)
+        read_day(site._replace(files={}), folder / "day.jsonl", path)  # a command reads it once
 
 
 def test_a_log_whose_orders_have_no_ends_needs_their_file(folder: Path) -> None:
@@ -194,7 +195,7 @@ def test_trips_of_pods_become_a_line_for_each_visit(tmp_path: Path) -> None:
     assert main([*command, *(f"--set={one}" for one in settings)]) == 0
     assert main(["export", str(recording), "--vda5050", str(log), "--every", "2s"]) == 0
     base = resolve(scenario, settings)
-    site = ComparedSite(scenario, tuple(settings), None, base, {}, None, None)
+    site = ComparedSite(scenario, tuple(settings), None, base, {}, None, None, {})
     day = read_day(site, log, None)
     lines = listed_lines(day.resolved.scenario.orders)
     simulation = Simulation(base)
@@ -326,6 +327,32 @@ def test_a_right_model_rarely_differs_and_a_wrong_one_is_found() -> None:
     assert {one.stretch for one in wrong.stretches} == {0, 1}
 
 
+def test_days_that_all_differ_by_one_amount_differ() -> None:
+    equal = {"orders an hour": 100.0, "lead time": 60.0, "stretch 0": 50.0}
+    runs = [equal] * 50
+    same = [DayResult(f"day {k}", 0, equal, runs) for k in range(3)]
+    assert agreement(same).verdict == judged.MATCHES
+    slow = [day._replace(real={**equal, "lead time": 90.0}) for day in same]
+    assert agreement(slow).differences[1].verdict == judged.DIFFERS
+    closed = [day._replace(real={**equal, "stretch 0": 0.0}) for day in same]
+    assert agreement(closed).stretches[0].p < judged.ERROR
+
+
+def test_what_cannot_be_said_names_the_days_that_it_needs() -> None:
+    draw = np.random.default_rng(5)
+    for shift, spread, sentence in (
+        (0.0, 0.1, "to show that lead time is within 10 % needs about"),
+        (0.7, 0.5, "beyond 10 %, but so few days may differ by chance; to show it needs about"),
+    ):
+        values = 1 + shift + spread * draw.standard_normal(3)
+        some = [DayResult("", 0, {"lead time": one}, [{"lead time": 1.0}]) for one in values]
+        apart = judged.relative_differences(some, "lead time")
+        text = missing(judged.difference(some, "lead time", apart, 0.1), 3)
+        assert sentence in text and "days like these 3" in text
+    one_day = judged.difference(some[:1], "lead time", apart[:1], 1.0)
+    assert "needs about 4, 11 or 44 days" in missing(one_day, 1)
+
+
 def test_days_for_a_match_grow_with_the_square_of_their_spread() -> None:
     assert [days_needed(spread, 0.05) for spread in (0.03, 0.05, 0.1)] == [4, 11, 44]
     few = agreement(days(2, np.random.default_rng(3)))
@@ -346,6 +373,11 @@ def test_compare_prints_its_verdict(folder: Path, capsys: pytest.CaptureFixture[
     assert record["verdict"] == "cannot be said" and record["days"][0]["p"] > 0.05
     assert "one day has no spread" in record["sentence"] and record["reasons"] == []
     assert record["days"][0]["model"].keys() == record["days"][0]["site"].keys()
+    (folder / "again.jsonl").write_text(
+        (folder / "day.jsonl").read_text()[2000:].partition("\n")[2]
+    )
+    assert main([*command[:3], str(folder / "again.jsonl"), *command[3:]]) == 2
+    assert "again repeats the messages of day; a day counts once" in capsys.readouterr().err
     orders = ["--orders", "a.csv", "--orders", "b.csv"]
     assert main([*command, *orders]) == 2
     assert "--orders is there 2 times, but there are 1 log" in capsys.readouterr().err

@@ -108,6 +108,20 @@ def fits_of(log: StateLog) -> SiteFits:
     return fit_site(log, resolve(SCENARIO))
 
 
+def test_a_robot_is_not_ahead_of_itself() -> None:
+    log = lane_log(0.1, 1.0)
+    shift = np.random.default_rng(3).integers(-450, 450, len(log.samples.time))
+    one = log._replace(samples=log.samples._replace(time=log.samples.time + shift))
+    scenario = resolve(SCENARIO)
+    assert not placed(one, scenario.floor_plan, scenario.scenario.units).near.any()
+    # Another robot does the same three seconds earlier.
+    other = one.samples._replace(robot=one.samples.robot + 1, time=one.samples.time - 3000)
+    both = Samples(*map(np.concatenate, zip(one.samples, other, strict=True)))
+    two = one._replace(samples=both, robots=("0", "1"), usable=np.tile(one.usable, 2))
+    near = placed(two, scenario.floor_plan, scenario.scenario.units).near
+    assert near[: len(shift)].mean() > 0.2
+
+
 @pytest.fixture(scope="module")
 def shift() -> SiteFits:
     """A shift with a message a second, positions with an error of 2 cm."""

@@ -102,11 +102,13 @@ def test_the_written_rates_run_as_a_profile(tmp_path: Path) -> None:
 
 def test_hours_are_those_of_the_site_and_need_dates(tmp_path: Path) -> None:
     path = tmp_path / "orders.csv"
-    path.write_text("CREATED\n2026-03-02T06:30:00+02:00\n2026-03-02T05:10:00Z\n", encoding="utf-8")
+    winter = "2026-03-28T08:00:00+01:00\n2026-03-28T08:40:00+01:00\n"
+    summer = "2026-03-29T08:10:00+02:00\n"  # daylight saving has begun
+    path.write_text(f"CREATED\n{summer}{winter}", encoding="utf-8")
     releases = read_releases(path, {"released": "CREATED"})
-    assert releases.first == datetime.datetime(2026, 3, 2, 6, 30)
-    assert releases.seconds.tolist() == [0, 2400]
-    with pytest.raises(InputError, match=r"orders.csv: covers 1 day; .* at least 4 weeks"):
+    assert releases.first == datetime.datetime(2026, 3, 28, 8)
+    assert releases.seconds.tolist() == [0, 2400, 24 * 3600 + 600], "hours by the clock of the site"
+    with pytest.raises(InputError, match=r"orders.csv: covers 2 days; .* at least 4 weeks"):
         check_weeks(fit_demand(releases), "orders.csv")
     for text in ("released\n06:30\n07:00\n", "released\n240\n360\n"):
         path.write_text(text, encoding="utf-8")

@@ -180,6 +180,7 @@ def test_the_time_of_the_robots_is_split_as_in_the_run_whatever_the_scenario_pla
         capsys.readouterr()
         assert main(["log", log, "--floor", site, "--out", out, "--json"]) == 0
         seen = json.loads(capsys.readouterr().out)["robot_time"]
+        assert "lost_standing" in seen and "lost_refused" not in seen
         shares = [
             {
                 "on_orders": of["on_orders"],
@@ -222,6 +223,27 @@ def test_two_robots_in_a_cell_and_swaps_are_listed(
     said = " ".join(capsys.readouterr().out.split())
     assert "two robots that swapped their cells: once, first in tick 4: robots 0 and 1" in said
     assert "two robots in a cell for one: once, first in tick 10: robots 0 and 1" in said
+
+
+def test_the_log_says_that_a_robot_stands_not_why(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    lines = []
+    for second in range(12):
+        behind = 1.5 if second < 8 else 2.5
+        lines.append(message(second, "0", behind, 0.5, orderId="A"))
+        lines.append(message(second, "1", 2.5 if second < 4 else 4.5, 0.5))
+    units = "units={tick: 1 s, cell: 1 m}"
+    out = observed(lines, tmp_path, units, "orders.lines=[{pod: 1, station: P1}]")
+    capsys.readouterr()
+    for tick, cause in (("3", "robot 1 holds (2, 3) and is idle"), ("6", "and no robot is ahead")):
+        assert main(["explain", str(out), "--robot", "0", "--at", tick]) == 0
+        said = " ".join(capsys.readouterr().out.split())
+        assert cause in said and "right of way" not in said and "rule: occupancy" not in said
+    assert main(["explain", str(out), "--robot", "0", "--at", "6", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["lost"]["standing"] > 0
+    assert main(["replay", str(out), "--describe"]) == 0
+    assert "right of way" not in capsys.readouterr().out
 
 
 def test_each_carry_of_a_load_without_an_order_is_an_order(

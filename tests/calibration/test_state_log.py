@@ -235,3 +235,21 @@ def test_positions_off_the_floor_are_refused_with_the_nearest_fit(
     with pytest.raises(InputError, match="of the positions are not on the floor") as error:
         placed(log._replace(samples=log.samples._replace(x=x, y=y)), floor_plan, units)
     assert fit in error.value.message
+
+
+def test_two_days_with_one_clock_are_no_single_log(run: Recording, tmp_path: Path) -> None:
+    messages = messages_of(run)
+    places = [one.get("mobileRobotPosition") for one in messages]
+    other = [
+        one | {"mobileRobotPosition": at} for one, at in zip(messages, places[::-1], strict=True)
+    ]
+    half = messages[: len(messages) // 2]
+    for name, lines in (("monday", messages), ("tuesday", other), ("half", half)):
+        text = "".join(f"{json.dumps(one)}\n" for one in lines)
+        (tmp_path / f"{name}.jsonl").write_text(text)
+    monday, tuesday, part = (tmp_path / f"{name}.jsonl" for name in ("monday", "tuesday", "half"))
+    with pytest.raises(
+        InputError, match=r"tuesday.jsonl: has robot \d elsewhere than .*monday.jsonl"
+    ):
+        read_log([monday, tuesday])
+    assert read_log([monday, part]).counts.doubled == len(half), "a copy agrees"

@@ -277,6 +277,7 @@ def test_what_is_observed_is_what_happened() -> None:
     rare |= {"closed", "door", "block", "lift"}  # staged in test_gates
     rare |= {"station queue", "pod ahead", "station break"}  # staged in test_pod_waits
     rare |= {"delayed"}  # staged in test_delays
+    rare |= {"standing"}  # only in observed runs
     missing = [cause.name for cause in CAUSES[1:] if not reached[cause.name]]
     missing = [name for name in missing if name not in rare]
     assert not missing, f"never reached: {missing}; reached: {dict(reached)}"

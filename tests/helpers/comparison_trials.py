@@ -187,7 +187,7 @@ def planted(days: Days, many: int) -> None:
 def site_of(days: Days) -> ComparedSite:
     """The model of `tuned`, in which picks take 16 s."""
     base = with_orders(days.path, days.ticks, 0, {"durations.pick": 16})
-    return ComparedSite(str(days.path), ("durations.pick=16",), None, base, {}, None, None)
+    return ComparedSite(str(days.path), ("durations.pick=16",), None, base, {}, None, None, {})
 
 
 def order_file(days: Days, day: int) -> str:

@@ -28,6 +28,7 @@ OF_OTHER_RUNS = (
         "lost_station_queue",
         "lost_following",
         "lost_at_gates",
+        "lost_standing",
         "energy",
         "charging_share",
         "min_charge",

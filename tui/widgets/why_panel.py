@@ -35,7 +35,7 @@ from tui.widgets.panel import (
     wrapped,
 )
 
-CAUSE_LETTERS: Final = ".QHWDIVLBwFRopriPebszhSdkycgnl"  # by cause; capitals count as blocked
+CAUSE_LETTERS: Final = ".QHWDIVLBwFRopriPebszhSdkycgnlt"  # by cause; capitals count as blocked
 
 MAX_WAITING_LISTED: Final = 40  # listed robots to choose from
 NAME_WIDTH: Final = 21  # columns for the letter and the name of a cause

@@ -103,31 +103,38 @@ PictureDumper.add_representer(
 )
 
 
+def failing_floors(request: CheckRequest, verdict: Verdict) -> dict[str, Any]:
+    """The first floor of each failing check, by the name of its file."""
+    from automaton.conformance.random_cases import delivery_floor, odd_case, random_case
+
+    floors: dict[str, Any] = {}
+    for one in verdict.checks:
+        if one.verdict != FAILS or one.case is None:
+            continue
+        if one.name == "delivery":
+            floors[f"delivery-{one.case}"] = delivery_floor(verdict.layer, one.case)
+            continue
+        if request.document is not None:
+            case = {**request.document, "seed": request.seed + one.case}
+        else:
+            case = random_case(request.seed, one.case, verdict.layer)
+        floors[f"case-{one.case}"] = case
+        if one.name == "survival":  # which also takes odd forms of the cases
+            floors[f"odd-case-{one.case}"] = odd_case(case, one.case)
+    return floors
+
+
 def keep(folder: Path, request: CheckRequest, verdict: Verdict) -> None:
     """Write the first floor of each failing check as a scenario. Raises InputError."""
-    from automaton.conformance.random_cases import random_case
+    from automaton.conformance.random_cases import fitting_case
 
-    failed = sorted(
-        {
-            one.case
-            for one in verdict.checks
-            if one.verdict == FAILS and one.case is not None and one.name != "delivery"
-        }
-    )
     _, _, name = request.strategy.rpartition(f"{verdict.layer}:")
+    choice: Any = {"name": name, **request.parameters} if request.parameters else name
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        for case in failed:
-            if request.document is not None:
-                document = {**request.document, "seed": request.seed + case}
-            else:
-                document = random_case(request.seed, case, verdict.layer)
-            choice: Any = name
-            if request.parameters:
-                choice = {"name": name, **request.parameters}
-            strategies = {**document.get("strategy", {}), verdict.layer: choice}
-            file = folder / f"case-{case}.yaml"
-            content = {"name": f"case-{case}", **document, "strategy": strategies}
+        for case, floor in failing_floors(request, verdict).items():
+            file = folder / f"{case}.yaml"
+            content = fitting_case(floor, verdict.layer, choice) | {"name": case}
             file.write_text(yaml.dump(content, Dumper=PictureDumper, sort_keys=False))
             note(f"wrote {file}")
     except OSError as error:

@@ -219,26 +219,28 @@ class Child:
 
 
 class Children:
-    """Two processes with different hash seeds, and one without the compiler."""
+    """Two processes with different hash seeds, and two without the compiler."""
 
     def __init__(self) -> None:
         self.pair = [Child(1), Child(2)]
-        self.plain = Child(1, has_jit=False)
+        self.plain = [Child(1, has_jit=False), Child(1, has_jit=False)]
         self.pool = ThreadPoolExecutor(2)
 
-    def side_by_side(self, tasks: Iterable[list[dict[str, Any]]]) -> list[list[dict[str, Any]]]:
-        """The replies to two lists of tasks, one for each of the pair."""
+    def side_by_side(
+        self, tasks: Iterable[list[dict[str, Any]]], pair: Iterable[Any] | None = None
+    ) -> list[list[dict[str, Any]]]:
+        """The replies to two lists of tasks, one for each of a pair of processes."""
 
         def all_of(child: Child, some: list[dict[str, Any]]) -> list[dict[str, Any]]:
             return [child.ask(task) for task in some]
 
-        return list(self.pool.map(all_of, self.pair, tasks))
+        return list(self.pool.map(all_of, pair or self.pair, tasks))
 
     def __enter__(self) -> Children:
         return self
 
     def __exit__(self, *_: object) -> None:
-        for child in (*self.pair, self.plain):
+        for child in (*self.pair, *self.plain):
             child.close()
         self.pool.shutdown()
 
@@ -291,20 +293,16 @@ class StrategyCheck:
         first = self.children.pair[0].ask(self.of("contract", self.numbers[:1])[0])
         self.enter(self.numbers[0], first)
         self.cases["contract"] = 1
-        only = self.request.only
-        several = [self.of("case", self.numbers, only=only), self.of("trace", self.numbers)]
-        if not self.request.wants("repeats"):
-            several[1] = []
         self.progress(f"{count(len(self.numbers), 'case')}")
-        replies, others = self.children.side_by_side(several)
-        for number, reply in zip(self.numbers, replies, strict=True):
+        replies, others = self.replies_to_cases()
+        for number, reply in replies.items():
             if "refused" in reply:
                 self.refused += 1
                 self.refusal = self.refusal or reply["refused"]
                 continue
             self.enter(number, reply)
             self.accepted[number] = reply
-        for number, other in zip(self.numbers, others, strict=False):
+        for number, other in others.items():
             reply = self.accepted.get(number, {})
             repeats = not any(case == number for case, _ in self.found["repeats"])
             is_comparable = "trace" in reply and "trace" in other
@@ -316,6 +314,20 @@ class StrategyCheck:
             raise InputError(f"no case is accepted: {self.refusal}", self.request.strategy)
         for name in OF_A_CASE:
             self.cases[name] = len(self.accepted)
+
+    def replies_to_cases(self) -> list[dict[int, dict[str, Any]]]:
+        """The replies to `case` by number, and to `trace`, which the other process runs."""
+        checks = ("case", "trace") if self.request.wants("repeats") else ("case",)
+        halves: list[list[dict[str, Any]]] = [[], []]
+        for k, number in enumerate(self.numbers):
+            for check in checks:
+                which = (k + (check == "trace")) % 2
+                halves[which] += self.of(check, [number], only=self.request.only)
+        replies: dict[str, dict[int, dict[str, Any]]] = {"case": {}, "trace": {}}
+        for half, some in zip(halves, self.children.side_by_side(halves), strict=True):
+            for task, reply in zip(half, some, strict=True):
+                replies[task["check"]][task["case"]] = reply
+        return [dict(sorted(some.items())) for some in replies.values()]
 
     def difference(self, number: int) -> str:
         """The first tick in which two processes differ."""
@@ -361,18 +373,22 @@ class StrategyCheck:
         self.cases["jit"] = len(numbers)
         self.progress(f"{count(len(numbers), 'case')} without the compiler")
         tasks = self.of("jit", numbers)
-        for task in tasks:
-            number, plain = task["case"], self.children.plain.ask(task)
-            compiled = self.children.pair[0].ask(task)
-            self.enter(number, plain)
-            if "trace" in plain and "trace" in compiled and plain["trace"] != compiled["trace"]:
-                text = "without the compiler (NUMBA_DISABLE_JIT=1) the run differs at tick 60"
-                self.found["jit"].append((number, [text, 1, -1, -1, 0]))
+        halves = [tasks[::2], tasks[1::2]]
+        both = (
+            self.children.side_by_side(halves, pair)
+            for pair in (self.children.plain, self.children.pair)
+        )
+        for half, *replies in zip(halves, *both, strict=True):
+            for task, plain, compiled in zip(half, *replies, strict=True):
+                self.enter(task["case"], plain)
+                if "trace" in plain and "trace" in compiled and plain["trace"] != compiled["trace"]:
+                    text = "without the compiler (NUMBA_DISABLE_JIT=1) the run differs at tick 60"
+                    self.found["jit"].append((task["case"], [text, 1, -1, -1, 0]))
 
     def times(self) -> dict[str, float | None]:
         """CPU time of a decision in ns, and its slope over 10 to 80 robots."""
-        floors = range(4)
-        replies = [self.children.pair[0].ask(task) for task in self.of("time", floors)]
+        halves = [self.of("time", some) for some in ((0, 1, 2), (3,))]  # 70 robots, and 80
+        replies = [one for half in self.children.side_by_side(halves) for one in half]
         self.cases["time"] = sum(bool(reply.get("ns")) for reply in replies)
         timed = [(reply["robots"], sorted(reply["ns"])) for reply in replies if reply.get("ns")]
         every = sorted(ns for _, some in timed for ns in some)

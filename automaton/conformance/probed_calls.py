@@ -192,7 +192,7 @@ class SightProbe(Probe):
     @property
     def memory(self) -> Struct:
         """The state that the strategy sees in a call."""
-        state: Struct = self.run._kept_alive.behind[0][LAYER_NAMES.index(self.layer)]
+        state: Struct = self.run.visible_states[LAYER_NAMES.index(self.layer)]
         return state
 
     def mask(self, i: int) -> None:

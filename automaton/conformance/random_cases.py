@@ -9,6 +9,7 @@ ends, parking bays and chargers; or they are small table-tops and depots. A case
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from functools import lru_cache
 from random import Random
 from typing import Any, Final, TypeAlias
 
@@ -42,8 +43,14 @@ WITHOUT_ZONES: Final = 4  # shares of the cases, for one with each strategy of z
 def random_case(seed: int, number: int, layer: str = "") -> Document:
     """The case of an address, for strategies of a layer; a charging strategy always gets batteries.
 
-    Raises InputError if no draw of this address can run.
+    Callers must not change it. Raises InputError if no draw of this address can run.
     """
+    return accepted_case(seed, number, layer if layer in ("charging", "zoning") else "")
+
+
+@lru_cache(maxsize=1024)  # a process checks several strategies on equal cases
+def accepted_case(seed: int, number: int, layer: str) -> Document:
+    """The first draw of an address that can run. Raises InputError."""
     for draw in range(DRAWS_OF_A_CASE):
         document = drawn_case(Random(f"{seed} {number} {draw}"), number, layer)
         if is_runnable(document):
@@ -70,7 +77,12 @@ PARTNERS: Final = {  # the layer whose strategy may not fit to another one
 
 
 def with_strategy(document: Document, layer: str, strategy: Any) -> Resolved:
-    """The scenario with another strategy in one layer: a name, or its parameters with its name.
+    """The scenario of `fitting_case`. Raises InputError."""
+    return resolve(fitting_case(document, layer, strategy))
+
+
+def fitting_case(document: Document, layer: str, strategy: Any) -> Document:
+    """The case with another strategy in one layer: a name, or its parameters with its name.
 
     If that does not fit to the drawn strategy of the layer beside it, others are tried there. Raises
     InputError, the first refusal, if the strategy refuses the scenario.
@@ -82,8 +94,10 @@ def with_strategy(document: Document, layer: str, strategy: Any) -> Resolved:
         choices += [{**drawn, beside: name} for name in names_in_random_cases(beside)]
     refusal = None
     for choice in choices:
+        case = {**document, "strategy": choice}
         try:
-            return resolve({**document, "strategy": choice})
+            resolve(case)
+            return case
         except InputError as error:
             refusal = refusal or error
     assert refusal is not None
@@ -382,3 +396,58 @@ def battery(chance: Random) -> Document:
         "initial_charge": {"from": 30, "to": 100},
         "reserve": 20,
     }
+
+
+# Floors beside the random cases.
+
+RING: Final = "t...t\n.s.s.\n.....\ns.d.s\nt...t"
+RAILS: Final = "+++++\n+s+s+\n+++++\ns+d+s\n+++++"
+
+
+def delivery_floor(layer: str, number: int) -> Document:
+    """A floor of the check `delivery`: one robot or 4, of each kinematics in turn."""
+    kinematics = ("omni", "differential", "rail")[number // 2 % 3]
+    picture = RAILS if kinematics == "rail" else RING
+    return open_floor(layer, picture, 4 if number % 2 else 1, kinematics)
+
+
+def open_floor(layer: str, picture: str, robots: int, kinematics: str) -> Document:
+    """A small floor on which all can pass, with five or so orders."""
+    document: Document = {
+        "name": "delivery",
+        "layout": {"picture": picture},
+        "fleet": {"robots": robots, "kinematics": kinematics, "start": "random"},
+        "orders": {"generator": "full-shelves"},
+        "strategy": plain_strategies(),
+        "stop": {"when": "delivered", "max_duration": 2_000},
+        "seed": 1,
+    }
+    if layer == "zoning":
+        document["orders"] = {"generator": "stations", "count": 5}
+    if layer == "charging":
+        document["layout"]["picture"] = picture[:2] + "c" + picture[3:]
+        document["battery"] = {"drain": {"move": 0.2}, "charge_rate": 5.0}
+    return document
+
+
+def odd_case(document: Document, number: int) -> Document:
+    """One of five odd changes of a case, by its number."""
+    fleet = document["fleet"]
+    robots = fleet["robots"]
+    match number % 5:
+        case 0:
+            fleet = {**fleet, "robots": 1, "types": ()}
+            return {**document, "fleet": fleet}
+        case 1:
+            orders = {"generator": "visits", "count": 1, "mean_interarrival_time": 1_000_000}
+            return {**document, "orders": orders}
+        case 2:
+            return {**document, "durations": {"move": 500, "turn": 500, "pick": 500, "drop": 500}}
+        case 3:
+            down = [{"robot": k, "at": 2 + k % 3} for k in range(robots)]
+            return {**document, "faults": {"list": down, "tow_after": None, "repair_time": None}}
+    weak = {"name": "weak", "robots": (robots + 1) // 2, "payload": 1}
+    strong = {"name": "strong", "robots": robots // 2}
+    kinds = [weak, strong] if robots > 1 else [strong | {"robots": 1}]
+    orders = {**document.get("orders", {}), "weight": {"from": 1, "to": 3}}
+    return {**document, "fleet": {**fleet, "types": kinds}, "orders": orders}

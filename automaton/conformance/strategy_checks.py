@@ -29,7 +29,9 @@ from automaton.conformance.probed_calls import (
 )
 from automaton.conformance.random_cases import (
     CASE_TICKS,
-    plain_strategies,
+    delivery_floor,
+    odd_case,
+    open_floor,
     random_case,
     with_strategy,
 )
@@ -39,6 +41,7 @@ from automaton.runs.simulation import Simulation
 from automaton.runs.state_copy import captured, restore
 from automaton.strategy import lookup
 from automaton.strategy.patience import NoAnswer
+from automaton.units import count
 
 TRACE_STEP: Final = 50  # ticks between compared digests
 BRANCH_TICK: Final = 150
@@ -165,7 +168,7 @@ def ending_overtime(run: Any, patience: float) -> Iterator[None]:
     def watch() -> None:
         last, since = None, time.monotonic()
         while not over.wait(min(0.5, patience / 4)):
-            now = (run.tick, run._decisions)
+            now = (run.tick, run.python_decisions)
             if now != last:
                 last, since = now, time.monotonic()
             elif time.monotonic() - since > patience + OVERTIME_S:
@@ -290,29 +293,6 @@ def survival(subject: Subject, number: int) -> list[Failure]:
     return []
 
 
-def odd_case(document: dict[str, Any], number: int) -> dict[str, Any]:
-    """One of five odd changes of a case, by its number."""
-    fleet = document["fleet"]
-    robots = fleet["robots"]
-    match number % 5:
-        case 0:
-            fleet = {**fleet, "robots": 1, "types": ()}
-            return {**document, "fleet": fleet}
-        case 1:
-            orders = {"generator": "visits", "count": 1, "mean_interarrival_time": 1_000_000}
-            return {**document, "orders": orders}
-        case 2:
-            return {**document, "durations": {"move": 500, "turn": 500, "pick": 500, "drop": 500}}
-        case 3:
-            down = [{"robot": k, "at": 2 + k % 3} for k in range(robots)]
-            return {**document, "faults": {"list": down, "tow_after": None, "repair_time": None}}
-    weak = {"name": "weak", "robots": (robots + 1) // 2, "payload": 1}
-    strong = {"name": "strong", "robots": robots // 2}
-    kinds = [weak, strong] if robots > 1 else [strong | {"robots": 1}]
-    orders = {**document.get("orders", {}), "weight": {"from": 1, "to": 3}}
-    return {**document, "fleet": {**fleet, "types": kinds}, "orders": orders}
-
-
 def writes(subject: Subject, number: int) -> list[Failure]:
     """Nothing changes but the strategy's rows, state and workspace."""
     run = subject.run(subject.resolved(subject.document(number)), WriteProbe)
@@ -394,15 +374,10 @@ def resident_bytes() -> int:
 
 # Checks on floors of their own.
 
-RING: Final = "t...t\n.s.s.\n.....\ns.d.s\nt...t"
-RAILS: Final = "+++++\n+s+s+\n+++++\ns+d+s\n+++++"
-
 
 def delivery(subject: Subject, number: int) -> list[Failure]:
     """One robot with 5 orders, or 4 robots: something is delivered."""
-    robots = 1 if number % 2 == 0 else 4
-    kinematics = ("omni", "differential", "rail")[number // 2 % 3]
-    floor = open_floor(subject, RAILS if kinematics == "rail" else RING, robots, kinematics)
+    floor = delivery_floor(subject.layer, number)
     try:
         resolved = subject.resolved(floor)
     except InputError:
@@ -412,28 +387,10 @@ def delivery(subject: Subject, number: int) -> list[Failure]:
     done = int((run.world.orders.delivered >= 0).sum())
     if done:
         return []
-    who = "one robot" if robots == 1 else f"{robots} robots"
-    text = f"{who} ({kinematics}) delivered 0 of {len(run.world.orders.state)} orders"
-    return [Failure("delivery", text + f" in {run.tick:,} ticks")]
-
-
-def open_floor(subject: Subject, picture: str, robots: int, kinematics: str) -> dict[str, Any]:
-    """A small floor on which all can pass, with five or so orders."""
-    document: dict[str, Any] = {
-        "name": "delivery",
-        "layout": {"picture": picture},
-        "fleet": {"robots": robots, "kinematics": kinematics, "start": "random"},
-        "orders": {"generator": "full-shelves"},
-        "strategy": plain_strategies(),
-        "stop": {"when": "delivered", "max_duration": 2_000},
-        "seed": 1,
-    }
-    if subject.layer == "zoning":
-        document["orders"] = {"generator": "stations", "count": 5}
-    if subject.layer == "charging":
-        document["layout"]["picture"] = picture[:2] + "c" + picture[3:]
-        document["battery"] = {"drain": {"move": 0.2}, "charge_rate": 5.0}
-    return document
+    robots, orders = len(run.world.robots.cell), len(run.world.orders.state)
+    who = f"{count(robots, 'robot')} ({floor['fleet']['kinematics']})"
+    text = f"{who} delivered 0 of {count(orders, 'order')} in {run.tick:,} ticks"
+    return [Failure("delivery", text)]
 
 
 def timing(subject: Subject, number: int) -> dict[str, Any]:
@@ -441,7 +398,7 @@ def timing(subject: Subject, number: int) -> dict[str, Any]:
     robots = CROWDS[number]
     row = "t" + "." * 18 + "t"
     rows = [row if y % 5 == 0 else "." * 20 for y in range(20)]
-    floor = open_floor(subject, "\n".join(rows), robots, "omni")
+    floor = open_floor(subject.layer, "\n".join(rows), robots, "omni")
     loop = {"closed_loop": {"in_system": robots}}
     floor["orders"] = {"generator": "stations", "count": 1_000, "arrivals": loop}
     floor["stop"] = {"when": "never", "max_duration": CASE_TICKS}
@@ -451,9 +408,7 @@ def timing(subject: Subject, number: int) -> dict[str, Any]:
         return {"robots": robots, "ns": []}
     subject.go(run, CASE_TICKS)
     probe = subject.probe_of(run)
-    memory = run._memory_views[list(run.strategies).index(probe)]
-    arguments = (run.view, run._batch_view, run._decisions_view, memory, run._workspace_view)
-    spare = probe.entering_ns(arguments)
+    spare = probe.entering_ns(run.arguments(run.strategies.index(probe)))
     ns = [max(0, took - spare) / many for took, many in probe.ns]
     return {"robots": robots, "ns": [round(one) for one in ns]}
 

@@ -35,7 +35,7 @@ from automaton.environments.stepping import (
     Stepper,
     compiled_driver,
 )
-from automaton.environments.windows import CHANNELS, scene_of
+from automaton.environments.windows import CHANNELS, scene_of, whole_planes
 from automaton.errors import InputError, alternatives, nearest
 from automaton.runs.simulation import no_room
 from automaton.scenario.document import Override
@@ -45,7 +45,7 @@ from automaton.world.resolve import resolve
 STEPPINGS: Final = ("tick", "decision")
 AUTORESETS: Final = ("next_step", "same_step", "disabled")
 MAX_RADIUS: Final = 15
-VIEW_NAMES: Final = ("observations", "features")
+FINAL_NAMES: Final = ("observations", "features", "masks", "acting")  # with same_step
 MAX_ACTION: Final = 127  # in a log; higher ones are not allowed either
 Settings = Sequence[str]
 
@@ -152,7 +152,7 @@ class Environment:
         if features:
             shapes["features"] = (*each, FEATURE_COUNT), "float32"
         if self.autoreset == "same_step":
-            views = {name: one for name, one in shapes.items() if name in VIEW_NAMES}
+            views = {name: one for name, one in shapes.items() if name in FINAL_NAMES}
             shapes |= {f"final_{name}": one for name, one in views.items()}
         return shapes
 
@@ -195,6 +195,8 @@ class Environment:
         self.features: Array | None = arrays.get("features")
         self.final_observations: Array | None = arrays.get("final_observations")
         self.final_features: Array | None = arrays.get("final_features")
+        self.final_masks: Array | None = arrays.get("final_masks")
+        self.final_acting: Array | None = arrays.get("final_acting")
         each = self.worlds, self.robots
         flat = {name: arrays.get(name) for name in StepBuffers._fields}
         windows = flat["observations"]
@@ -340,6 +342,8 @@ class Environment:
         for final, shown in (
             (self.final_observations, self.observations),
             (self.final_features, self.features),
+            (self.final_masks, self.masks),
+            (self.final_acting, self.acting),
         ):
             if final is not None and shown is not None:
                 final[numbers] = shown[numbers]
@@ -391,6 +395,26 @@ class Environment:
         from automaton.runs.pictures.pictures import picture_of
 
         return picture_of(self._world(w), brief=True)
+
+    @property
+    def whole_floor_shape(self) -> tuple[int, int, int]:
+        """The shape of `whole_floor`: channels, rows, columns."""
+        width = int(self._first.world.grid.width)
+        return len(self.channels), len(self._scene.plane) // width - 2, width - 2
+
+    def whole_floor(self, w: int = 0) -> Array:
+        """(C, rows, columns) uint8: the channels of a world over the whole floor, for no robot alone.
+
+        `walls` shows cells in which no robot ever stands, `ways` the exits for robots of any type,
+        `orders` those that one type can do, the most of all types, and `goal` and `goals` the goal
+        cells of all robots. Raises InputError without channels.
+        """
+        if not self.channels:
+            raise InputError("radius is None, so that there are no channels: set radius")
+        world = self._world(w)
+        planes: Array = whole_planes(world.world, world.episode)
+        with_rim = planes.reshape(len(planes), -1, world.world.grid.width)
+        return with_rim[:, 1:-1, 1:-1].copy()
 
     def save(self, w: int, path: Any) -> None:
         """Run the latest episode of a world again in a simulation, and record it in a file.

@@ -138,15 +138,21 @@ class FleetVectorEnv(VectorEnv):  # type: ignore[misc]
         return {"window": self._each(windows), "features": self._each(features)}
 
     def _infos(self) -> dict[str, Any]:
-        env, there = self.environment, np.ones(self.num_envs, bool)
-        masks, acting = self._each(env.masks), self._each(env.acting)
-        infos = {"action_mask": masks, "_action_mask": there, "acting": acting, "_acting": there}
+        env = self.environment
+        infos = self._of_masks(env.masks, env.acting, np.ones(self.num_envs, bool))
         if env.autoreset == "same_step":
             flags = self._each(env.terminations | env.truncations)
             ended = flags if self._per_robot else flags.all(axis=1)
             if ended.any():
+                last = self._of_masks(env.final_masks, env.final_acting, ended)
                 infos |= {"final_obs": self._final(ended), "_final_obs": ended}
+                infos |= {"final_info": last, "_final_info": ended}
         return infos
+
+    def _of_masks(self, masks: Any, acting: Any, there: Any) -> dict[str, Any]:
+        """The infos of some environments, those that are `there`."""
+        parts = {"action_mask": self._each(masks), "acting": self._each(acting)}
+        return parts | {f"_{name}": there for name in parts}
 
     def _final(self, ended: Any) -> Any:
         """(num_envs,) objects: the last observation of each episode that ended, None for the others."""

@@ -56,7 +56,7 @@ class Copies(Struct):
     seed: Array = field("(1,) uint64", "the seed, from which its words are copied")
 
 
-world_at, draws_at, copies_at = (struct_at(one) for one in (World, Draws, Copies))
+world_at, draws_at, copies_at = (struct_at(one, True) for one in (World, Draws, Copies))
 
 
 def restore_world(world_address, draws_address, copies_address):

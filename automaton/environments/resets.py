@@ -103,9 +103,9 @@ def restored(world: SteppedWorld, draws: Draws, copies: Copies) -> None:
 
 def arrays_of(one: SteppedWorld) -> dict[str, tuple[Any, Array]]:
     """Declaration and array by name of what a run changes, or of what a seed draws."""
-    structs = {"world": one.world, "visible": one.visible_world}
+    structs: dict[str, Any] = {"world": one.world, "visible": one.visible_world}
     structs |= {f"state {number}": state for number, state in enumerate(one.states)}
-    structs |= {f"shown {number}": state for number, state in enumerate(one.parts.behind[0])}
+    structs |= {f"shown {number}": state for number, state in enumerate(one.visible_states)}
     arrays: dict[str, tuple[Any, Array]] = {}
     known: set[int] = set()
     for part, struct in structs.items():

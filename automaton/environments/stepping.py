@@ -163,7 +163,7 @@ WORLD_STRUCTS: Final = (
     world_at, visible_world_at, view_at, record_at, full_batch_at, batch_at,
     batch_view_at, decisions_at, observation_at, watch_at, actions_at, episode_at,
 ) = (struct_at(*shape) for shape in WORLD_STRUCTS)  # fmt: skip
-memory_at, stepper_at, workspace_at = (struct_at(one) for one in (Memory, Stepper, Workspace))
+memory_at, stepper_at, workspace_at = (struct_at(one, True) for one in (Memory, Stepper, Workspace))
 ADDRESS_COUNT: Final = len(WORLD_STRUCTS) + STRATEGY_COUNT
 
 

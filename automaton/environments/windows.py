@@ -392,3 +392,18 @@ def first_planes(world: Any, scene: FloorScene, radius: int) -> Any:
             else:
                 planes[first + kind, scene.plane] = grid.type_cell_flags[kind] & 15
     return planes
+
+
+def whole_planes(world: Any, episode: Any) -> Any:
+    """(k, C) uint8: what each channel shows of all cells, for robots of all types together."""
+    scene = episode.scene
+    out = np.zeros((len(scene.channels), len(scene.plane)), np.uint8)
+    for row, first, channel in zip(out, scene.planes, scene.channels, strict=True):
+        if channel == CHANNEL_GOAL:
+            goals = world.robots.goal_cell
+            row[goals[goals != NIL]] = 1
+            continue
+        many = scene.types if channel in CHANNELS_BY_TYPE else 1
+        join = {CHANNEL_WALLS: np.minimum, CHANNEL_WAYS: np.bitwise_or}.get(channel, np.maximum)
+        join.reduce(episode.planes[first : first + many, scene.plane], axis=0, out=row)
+    return out

@@ -103,7 +103,8 @@ class LoopParts(NamedTuple):
     structs: tuple[Any, ...]
     memories: tuple[Memory, ...]  # by number of the strategy
     functions: list[Any]  # strategies, then features
-    behind: Any  # the states behind the memories
+    visible: list[Struct]  # the state of each strategy as it sees it in a call
+    behind: list[Struct]  # the structs behind the memories
 
 
 class Simulation:
@@ -131,7 +132,7 @@ class Simulation:
     ) -> None:
         self.seed = resolved.scenario.seed if seed is None else seed
         self.resolved = resolved = resolved.of_seed(self.seed)
-        self._decisions = 0  # number of decisions of Python strategies so far
+        self.python_decisions = 0  # number of decisions of Python strategies so far
         self._watchdog = None if patience is None else Watchdog(patience)
         in_convoy = after is not None and after.world.rules.following == FOLLOWING_CONVOY
         orders = None if after is None else len(after.world.orders.state)
@@ -308,7 +309,7 @@ class Simulation:
     def _start(self) -> Iterator[int]:
         loop, decide_type = _compiled_loop(self.strategies, np.flatnonzero(self._used).tolist())
         parts = self._loop_parts(decide_type)
-        self._kept_alive = parts
+        self.parts = parts
         ticks: Iterator[int] = loop(*parts.structs, parts.memories, self._used, *parts.functions)
         return ticks
 
@@ -362,12 +363,22 @@ class Simulation:
             self._workspace_view = (
                 self.workspace.for_kernels_only() if jit_is_on() else self.workspace
             )
-        return LoopParts(structs, tuple(memories), functions, (visible, views))
+        return LoopParts(structs, tuple(memories), functions, visible, views)
 
     @property
     def states(self) -> list[Any]:
         """The state of each strategy by number, a struct of its own class."""
         return self._states
+
+    @property
+    def visible_states(self) -> list[Struct]:
+        """The state of each strategy as it sees it in a call: under a radius, of one robot alone."""
+        return self.parts.visible
+
+    def arguments(self, number: int) -> tuple[Any, ...]:
+        """The arguments with which a Python strategy, by its number, is called."""
+        memory, space = self._memory_views[number], self._workspace_view
+        return self.view, self._batch_view, self._decisions_view, memory, space
 
     @property
     def counted(self) -> dict[str, int]:
@@ -475,17 +486,13 @@ class Simulation:
     def _decide(self, number: int) -> None:
         strategy = self.strategies[number]
         assert strategy is not None
-        self._decisions += 1
-        checked = self._decisions <= ALWAYS_CHECKED or self._decisions % CHECKED_EVERY == 0
+        self.python_decisions += 1
+        checked = (
+            self.python_decisions <= ALWAYS_CHECKED or self.python_decisions % CHECKED_EVERY == 0
+        )
         before = (self.digests(), self.world.clock.copy()) if checked else None
         with self._within_patience():
-            strategy.decide(
-                self.view,
-                self._batch_view,
-                self._decisions_view,
-                self._memory_views[number],
-                self._workspace_view,
-            )
+            strategy.decide(*self.arguments(number))
         changed = self._changed_since(*before) if before else ()
         if changed:
             raise PermissionError(f"it has written to {changed[0]} of the world")

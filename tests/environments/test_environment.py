@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from automaton.environments import Environment
+from automaton.environments import Environment, reset_kernels, stepping
 from automaton.errors import InputError
 from automaton.runs.simulation import Simulation
 from automaton.verification.verification import verify
@@ -61,6 +61,13 @@ def test_an_episode_is_the_same_alone_in_a_batch_and_in_threads() -> None:
     alone, batch, threaded = runs
     assert [row[:1] for row in batch] == alone
     assert batch == threaded
+
+
+def test_functions_that_find_structs_and_functions_have_names_of_their_own() -> None:
+    found = [one for module in (stepping, reset_kernels) for one in vars(module).items()]
+    finders = {one for name, one in found if name.endswith("_at") and callable(one)}
+    assert len(finders) > 30
+    assert len({one.__qualname__ for one in finders}) == len(finders)
 
 
 def test_a_saved_episode_is_a_recording_that_verifies(tmp_path: Path) -> None:

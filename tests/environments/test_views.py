@@ -48,7 +48,9 @@ def walked(envs: Any, actions: Any, mode: str) -> list[Any]:
     for row in actions:
         seen, rewards, ends, cuts, infos = envs.step(row)
         last = [one for one in infos.get("final_obs", ()) if one is not None]
-        returned.append((seen, rewards, ends, cuts, infos["action_mask"], np.array(last)))
+        is_last = "final_info" in infos
+        final = infos["final_info"]["action_mask"][ends | cuts] if is_last else ()
+        returned.append((seen, rewards, ends, cuts, infos["action_mask"], np.array(last), final))
         if mode == "disabled" and (ends | cuts).all():
             seen, infos = envs.reset(options={"reset_mask": ends | cuts})
             returned.append((seen, infos["action_mask"]))
@@ -107,6 +109,23 @@ def test_arrays_are_fresh_or_the_buffers() -> None:
         seen, infos = envs.reset(seed=1)
         assert np.shares_memory(seen, envs.environment.observations) == shares
         assert np.shares_memory(infos["action_mask"], envs.environment.masks) == shares
+
+
+def test_the_state_shows_the_floor_for_all_robots() -> None:
+    scenario = {
+        "name": "drawn",
+        "layout": {"picture": "...\n.#."},
+        "fleet": {"robots": 2, "kinematics": "omni", "start": [[0, 0], [2, 0]]},
+        "orders": {"list": [{"stops": [[2, 1]]}, {"stops": [[0, 1]]}]},
+        "stop": {"when": "delivered", "max_duration": 100},
+    }
+    env = parallel_env(scenario)
+    env.reset()
+    walls, robots, goals = env.state().tolist()
+    assert walls == [[0, 0, 0], [0, 1, 0]]
+    assert robots == [[1, 0, 1], [0, 0, 0]]
+    assert goals == [[0, 0, 0], [1, 0, 1]]
+    assert env.state() in env.state_space
 
 
 @pytest.mark.parametrize("options", [{}, {"mask_in": "info", "features": True, "copy": False}])

@@ -6,17 +6,29 @@ import json
 import subprocess
 import sys
 import tomllib
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import suppress
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+from automaton.commands.check_strategy_command import keep
 from automaton.conformance import CONFORMANCE_CHECKS, FAILS, CheckRequest, Children, checked
 from automaton.conformance.new_project import LAYERS, write_project
 from automaton.conformance.random_cases import KINEMATICS, random_case
-from automaton.conformance.strategy_checks import Subject, reply_to
+from automaton.conformance.strategy_checks import (
+    Subject,
+    branches,
+    legality,
+    reply_to,
+    storage,
+    trace,
+)
 from automaton.errors import InputError
+from automaton.world.resolve import resolve
+from strategies.catalogue import CATALOGUE
 
 BROKEN = {  # class: its check, and the number of a case in which it is noticed
     "NoDocstring": ("contract", 0),
@@ -34,6 +46,8 @@ BROKEN = {  # class: its check, and the number of a case in which it is noticed
     "Gossips": ("information", 2),
     "Idle": ("delivery", 0),
 }
+
+SHIPPED = [(layer, name) for layer, entries in CATALOGUE.items() for name in entries]
 
 
 class Here:
@@ -54,7 +68,9 @@ class AllHere(Children):
         self.pair: Any = [Here(), Here()]
         self.plain: Any = None
 
-    def side_by_side(self, tasks: Iterable[list[dict[str, Any]]]) -> list[list[dict[str, Any]]]:
+    def side_by_side(
+        self, tasks: Iterable[list[dict[str, Any]]], pair: Any = None
+    ) -> list[list[dict[str, Any]]]:
         pairs = zip(self.pair, tasks, strict=True)
         return [[child.ask(task) for task in some] for child, some in pairs]
 
@@ -88,12 +104,39 @@ def test_a_sound_strategy_conforms() -> None:
     assert names == list(CONFORMANCE_CHECKS) and verdict.lines()[2].startswith("contract     ok")
 
 
+@pytest.mark.parametrize(("layer", "name"), SHIPPED)
+def test_a_shipped_strategy_conforms_on_two_floors(layer: str, name: str) -> None:
+    """Without the checks that call it from Python, for which its kernels would be compiled again."""
+    subject = Subject({"layer": layer, "strategy": name, "seed": 1, "timeout": 60})
+    for number, resolved in islice(accepted(subject), 2):
+        run = subject.run(resolved)
+        digests = trace(subject, run)
+        found = [*legality(subject, run, resolved), *branches(subject, resolved, digests)]
+        found += storage(subject, resolved, digests, number)
+        assert found == []
+
+
+def accepted(subject: Subject) -> Iterator[tuple[int, Any]]:
+    """The cases that the strategy accepts, by number."""
+    for number in range(40):
+        with suppress(InputError):
+            yield number, subject.resolved(subject.document(number))
+
+
 def test_a_failure_says_where_and_how_to_repeat_it() -> None:
     request = CheckRequest("broken_strategies:Illegal", only="legality", case=0)
     check = checked(request, children=AllHere()).checks[0]
     assert (check.case, check.tick, check.robot) == (0, 1, 0)
     assert "first: case 0, tick 1, robot 0: CMD_TAKE_ORDER" in check.text
     assert check.command.endswith("--only legality --case 0")
+
+
+def test_failing_floors_are_kept_as_scenarios(tmp_path: Path) -> None:
+    request = CheckRequest("broken_strategies:Idle", only="delivery", case=0)
+    keep(tmp_path, request, checked(request, children=AllHere()))
+    kept = resolve(tmp_path / "delivery-0.yaml")
+    assert kept.strategies["allocation"].name == "broken_strategies:Idle"
+    assert kept.scenario.fleet.robots == 1
 
 
 def test_cases_have_addresses_and_every_kind_of_robot() -> None:

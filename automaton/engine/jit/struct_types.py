@@ -296,7 +296,14 @@ def _store_number(
 # Structs and functions by their addresses, where kernels step many worlds in one call.
 
 
-def struct_at(cls: type[Struct], writable: bool = True) -> Any:
+def _name(name: str, *forms: Any) -> None:
+    """Name the forms of a function: Numba finds compiled code by names, so each needs its own."""
+    for form in forms:
+        form.__name__ = form.__qualname__ = name.replace(".", "_")
+
+
+@cache
+def struct_at(cls: type[Struct], writable: bool) -> Any:
     """A function (address) of kernels: the struct of a class at an address (`registered_address`)."""
 
     def at(address: int) -> Any:
@@ -306,7 +313,12 @@ def struct_at(cls: type[Struct], writable: bool = True) -> Any:
     def load(context: Any, address: Any) -> Any:
         return declared_type(cls, writable)(types.int64), lambda *arguments: arguments[3][0]
 
-    overload(at)(lambda address: lambda address: load(address))
+    def compiled(address):
+        return load(address)
+
+    kind = "struct" if writable else "closed_struct"
+    _name(f"{kind}_at_{cls.__module__}_{cls.__qualname__}", at, compiled)
+    overload(at)(lambda address: compiled)
     return at
 
 
@@ -327,12 +339,16 @@ def words_of_function(function: Any, signature: Any) -> tuple[int, int]:
     return wrapper, code
 
 
+@cache
 def function_at(row: int, signature: Any) -> Any:
     """A function (words) of kernels: the function of a signature in a row of (f, 2) int64 `words`."""
 
     def at(words: Any) -> Any:
         return _FUNCTIONS.get(int(words[row, 0]))
 
+    types_of_call = hashlib.sha256(str(signature).encode()).hexdigest()[:8]
+    name = f"function_at_{row}_{types_of_call}"
+    _name(name, at)
     if signature is None:
         return at
     kind = types.FunctionType(signature)
@@ -349,7 +365,11 @@ def function_at(row: int, signature: Any) -> Any:
 
         return kind(types.int64, types.int64), generate
 
-    overload(at)(lambda words: lambda words: load(words[row, 0], words[row, 1]))
+    def compiled(words):
+        return load(words[row, 0], words[row, 1])
+
+    _name(name, compiled)
+    overload(at)(lambda words: compiled)
     return at
 
 

@@ -170,7 +170,7 @@ def keep_heat(canvas: Canvas, ground: Codes) -> None:
 
 # Zones as tints and letters, for any layer.
 #
-# Without colours, letters distinguish adjacent zones: ddd+ee
+# Without colours, letters distinguish adjacent zones: fff+gg
 
 
 def draw_tints(canvas: Canvas, zone_tints: NDArray[np.int8]) -> None:

@@ -26,6 +26,7 @@ from automaton.floor.floor_plan import (
     DIRECTION_VECTORS,
     FLOOR,
     STORAGE,
+    SYMBOLS,
     TRACK,
     TURNTABLE,
     WALL,
@@ -79,12 +80,14 @@ Shape = Box | Disc | Path | Label
 
 RADIUS: Final = 0.42  # of a robot
 LOAD_SIDE: Final = 0.52  # of a load on it
+MIN_DETAILED_CELL: Final = 13  # pixels; in smaller cells robots are discs and cells have no letters
+MIN_NUMBER: Final = 8  # pixels; smaller numbers are left out
+LETTERED_KINDS: Final = ("destination", "charger", "parking-bay", "dock", "station")
+# The letters with which scenarios draw these cells; text pictures use them, too.
 CELL_LETTERS: Final = {
-    "destination": "D",
-    "charger": "C",
-    "parking-bay": "P",
-    "dock": "I",
-    "station": "S",
+    CELL_KINDS[symbol.kind].name: letter
+    for letter, symbol in SYMBOLS.items()
+    if CELL_KINDS[symbol.kind].name in LETTERED_KINDS
 }
 
 
@@ -146,8 +149,18 @@ def robot_shapes(state: int, shape: int, direction: int, name: str = "") -> tupl
             Box(corner, corner, side, side, "floor", line=0.04),
         ]
     if name:
-        body.append(Label(0.5, 0.5, min(0.4, 0.9 / (len(name) + 0.5)), name, "floor"))
+        body.append(Label(0.5, 0.5, number_size(name), name, "floor"))
     return tuple(body)
+
+
+def number_size(name: str) -> float:
+    """The height of a robot's number, which fits on its load."""
+    return min(0.4, 0.9 / (len(name) + 0.5))
+
+
+def is_legible(name: str, scale: float) -> bool:
+    """Whether a robot's number can be read in cells of `scale` pixels."""
+    return number_size(name) * scale >= MIN_NUMBER
 
 
 def selection_shapes() -> tuple[Shape, ...]:

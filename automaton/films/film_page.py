@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import html
 import json
+import pathlib
 import re
 from dataclasses import dataclass, field
 from html import escape
 from importlib.resources import files
-from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
@@ -17,6 +17,12 @@ from automaton.atomic_write import atomic_writer
 from automaton.drawings.looks import (
     DETAIL_SHIFT,
     KIND_MASK,
+    SHAPE_CROSS,
+    SHAPE_FILLED,
+    SHAPE_PLUG,
+    SHAPE_RING,
+    SHAPE_SQUARE,
+    SHAPE_THIN,
     STATE_COLOURS,
     THEMES,
     Theme,
@@ -24,11 +30,22 @@ from automaton.drawings.looks import (
     css,
     rgb,
 )
-from automaton.drawings.shapes import CELL_LETTERS
+from automaton.drawings.shapes import (
+    CELL_LETTERS,
+    MIN_DETAILED_CELL,
+    MIN_NUMBER,
+    Box,
+    Disc,
+    Path,
+    Shape,
+    robot_shapes,
+)
 from automaton.engine.state import NIL
 from automaton.films.recorded_stretch import (
+    DIRECTION_SHIFT,
     FIGURES,
     PARTS_OF_CELL,
+    SHAPE_SHIFT,
     RecordedStretch,
     cause_words,
     checked,
@@ -43,11 +60,18 @@ from automaton.vocabulary import COLOUR_WORDS, RobotState, phrase_of
 GROUND: Final = (
     *("floor", "void", "text", "dim", "load", "selected", "waiting", "done", "cursor", "fault"),
 )
+# The marks of the states in the key, each with a shape that a robot in it may have.
+KEY_MARKS: Final = tuple(
+    state | shape << SHAPE_SHIFT
+    for state, shape in enumerate(
+        (SHAPE_SQUARE, SHAPE_RING, SHAPE_PLUG, 0, SHAPE_FILLED, SHAPE_THIN, 0, SHAPE_CROSS)
+    )
+)
 
 
 def make_page(
-    recording: Path,
-    out: Path,
+    recording: pathlib.Path,
+    out: pathlib.Path,
     first: int | None,
     last: int | None,
     *,
@@ -103,10 +127,36 @@ def _words(stretch: RecordedStretch) -> dict[str, Any]:
         "looks": deflated(floor.looks),  # with the border, for parking bays
         "kinds": {str(kind): one.name for kind, one in enumerate(CELL_KINDS)},
         "letters": CELL_LETTERS,
+        "detailed": MIN_DETAILED_CELL,
+        "legible": MIN_NUMBER,
+        "key": KEY_MARKS,
+        "marks": _marks(stretch),
         "kind_mask": KIND_MASK,
         "detail_shift": DETAIL_SHIFT,
         "colours": {theme: _colours(used, theme) for theme in THEMES},
     }
+
+
+def _marks(stretch: RecordedStretch) -> dict[str, Any]:
+    """The shapes of robots, by their marks: as in pictures of pixels."""
+    marks = {*stretch.columns.marks().tolist(), *KEY_MARKS}
+    return {
+        str(mark): [
+            _packed(shape)
+            for shape in robot_shapes(mark & 7, mark >> SHAPE_SHIFT, mark >> DIRECTION_SHIFT & 3)
+        ]
+        for mark in sorted(marks)
+    }
+
+
+def _packed(shape: Shape) -> list[Any]:
+    """A shape as its kind, colour, line width and lengths."""
+    if isinstance(shape, Box):
+        return ["box", shape.colour, shape.line, shape.x, shape.y, shape.width, shape.height]
+    if isinstance(shape, Disc):
+        return ["disc", shape.colour, shape.line, shape.x, shape.y, shape.radius]
+    assert isinstance(shape, Path)
+    return ["line", shape.colour, shape.line, *(one for point in shape.points for one in point)]
 
 
 def _colours(looks: list[int], theme: Theme) -> dict[str, Any]:
@@ -114,7 +164,7 @@ def _colours(looks: list[int], theme: Theme) -> dict[str, Any]:
     return {
         "looks": {str(look): css(rgb(colour_of(look), theme)) for look in looks},
         "states": [css(rgb(name, theme)) for name in STATE_COLOURS],
-        **{name: css(rgb(name, theme)) for name in GROUND},
+        **{name: css(rgb(name, theme)) for name in (*GROUND, *STATE_COLOURS)},
     }
 
 
@@ -143,9 +193,9 @@ class NotebookFilm:
     title: str
     height: int = 600  # pixels
 
-    def save(self, path: str | Path) -> None:
+    def save(self, path: str | pathlib.Path) -> None:
         """Write the page to a file. Raises InputError."""
-        with atomic_writer(Path(path)) as file:
+        with atomic_writer(pathlib.Path(path)) as file:
             file.write(self.page.encode())
 
     def _repr_html_(self) -> str:

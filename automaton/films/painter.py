@@ -19,6 +19,7 @@ from automaton.drawings.floor_svg import pixel_colours
 from automaton.drawings.looks import WITH_LOAD, Theme, blended, rgb
 from automaton.drawings.moment import DrawnFloor, Moment
 from automaton.drawings.shapes import (
+    MIN_DETAILED_CELL,
     RADIUS,
     Box,
     Disc,
@@ -26,6 +27,7 @@ from automaton.drawings.shapes import (
     Path,
     Shape,
     cell_shapes,
+    is_legible,
     load_shapes,
     robot_shapes,
     selection_shapes,
@@ -126,8 +128,6 @@ def _within(middle: float, shown: float, low: int, high: int) -> float:
 
 FINER: Final = 4  # signs are painted enlarged and scaled down, for smooth edges
 MIN_DRAWN_CELL: Final = 6  # pixels; a smaller cell is one colour
-MIN_DETAILED_CELL: Final = 13  # in smaller cells, robots are discs and cells have no letters
-MIN_NAMED_CELL: Final = 18  # minimum for robots with numbers
 MIN_DISC: Final = 5  # minimum diameter of a robot in pixels
 # Side of a robot's sign in cells: the sign of a selected robot exceeds its cell.
 SURROUNDING: Final = 1.5
@@ -232,7 +232,7 @@ class Painter:
     def _draw_robots(self, image: Image, moment: Moment, corner: tuple[float, float]) -> None:
         looks, scale = moment.looks, self.layout.scale
         for robot in np.flatnonzero(~np.isnan(moment.x)).tolist():
-            name = str(robot) if scale >= MIN_NAMED_CELL else ""
+            name = str(robot) if is_legible(str(robot), scale) else ""
             look = (int(looks.state[robot]), int(looks.shape[robot]), int(looks.direction[robot]))
             shapes = robot_shapes(*look, name)
             if scale < MIN_DETAILED_CELL:

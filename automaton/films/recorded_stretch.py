@@ -215,6 +215,10 @@ class FilmColumns:
         self.full.take(k, full_cells(world, self.floor))
         self.shut.take(k, shut_cells(world))
 
+    def marks(self) -> Column:
+        """All different marks, in ascending order."""
+        return np.unique(self._by_robot["mark"])
+
     def packed(self) -> dict[str, Any]:
         """The columns as text: differences between ticks, deflated, in base 64.
 

@@ -229,7 +229,7 @@ BROAD = (
     [
         ("tabletop-2", "fit", (119, 24)),  # 23 x 7 cells of 5 x 3 characters, and a margin
         ("tabletop-mini", "1x1", (52, 11)),  # the status is broader
-        (BROAD, "fit", (66, 12)),  # 123 x 32 cells, 2 x 4 in a character
+        (BROAD, "fit", (66, 15)),  # 123 x 32 cells, 2 x 3 in a character
         (BROAD, "3x1", (120, 35)),  # as many columns as there may be, and a single line below
     ],
 )

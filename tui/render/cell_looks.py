@@ -84,7 +84,7 @@ TINTS: Final = (
     *(styles.COLOUR_ZONE_0, styles.COLOUR_ZONE_1, styles.COLOUR_ZONE_2),
     *(styles.COLOUR_ZONE_5, styles.COLOUR_ZONE_7, styles.COLOUR_ZONE_4),
 )
-TINT_CODES: Final = tuple(map(ord, "defghi"))  # by tint, without colours; no ASCII signs
+TINT_CODES: Final = tuple(map(ord, "fghjkl"))  # by tint, without colours; no ASCII signs
 TINT_COLOURS: Final = np.array(TINTS, np.uint32)
 TINT_LETTERS: Final = np.array(TINT_CODES, np.uint32)
 TRANSFER_COLOUR: Final = styles.COLOUR_TEXT  # of a station between two zones

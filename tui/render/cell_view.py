@@ -55,8 +55,6 @@ from tui.render.styles import GLYPH_BITS, GLYPHS, Codes, GlyphSet, code, style
 
 MAX_LINE_CELLS: Final = 100_000  # in all lines together: 8 ms; further robots get no line
 
-BodyAndInk = tuple[NDArray[np.uint32], NDArray[np.uint32]]  # (n,) each
-
 
 def near_picture(scene: Scene, camera: Camera, glyphs: GlyphSet) -> Codes:
     """(rows, columns of characters) all cells that are at least partly visible."""
@@ -172,7 +170,7 @@ def keep_heat(canvas: Canvas, ground: Codes) -> None:
 
 # Zones as tints and letters, for any layer.
 #
-# Without colours, letters distinguish adjacent zones: ddd+ee
+# Without colours, letters distinguish adjacent zones: fff+gg
 
 
 def draw_tints(canvas: Canvas, zone_tints: NDArray[np.int8]) -> None:
@@ -370,12 +368,12 @@ def draw_robots(canvas: Canvas) -> None:
     scene = canvas.scene
     robots = fleet.robots_of(scene)
     index, which = canvas.at(robots.cell)
-    body, ink = chosen_colours(scene, robots.colour)
+    marks = fleet.marks_of(scene, len(robots.cell))
     if canvas.height > 1:
-        canvas.flat[index] = fleet.drawn_robots(canvas, robots, which, body[which], ink[which])
+        canvas.flat[index] = fleet.drawn_robots(canvas, robots, which, marks[which])
     else:
-        draw_signs(canvas, robots, index, which, style(ink, body)[which])
-    draw_crowds(canvas, index, which, robots.state, (body, ink))
+        draw_signs(canvas, robots, index, which, marks[which])
+    draw_crowds(canvas, index, which, robots, marks)
 
 
 def draw_signs(
@@ -383,12 +381,13 @@ def draw_signs(
     robots: fleet.DrawnRobots,
     index: Cells,
     which: NDArray[np.intp],
-    robot_styles: NDArray[np.uint32],
+    marks: NDArray[np.uint32],
 ) -> None:
     """Draw robots in cells of one row: a sign, and beside it a load mark or the number."""
-    scene, glyphs = canvas.scene, canvas.glyphs
+    scene, glyphs, colour = canvas.scene, canvas.glyphs, robots.colour[which]
+    robot_styles = style(styles.COLOUR_FLOOR, colour)
     glyph = fleet.shape_glyphs(glyphs)[robots.shape[which], robots.direction[which]]
-    canvas.flat[index, 0] = code(robot_styles, glyph)
+    canvas.flat[index, 0] = code(fleet.sign_styles(colour, marks), glyph)
     if canvas.width == 2:
         assert scene.snapshot is not None
         mark = np.where(scene.snapshot.robots.load[which] != NIL, glyphs.cargo, glyphs.blank)
@@ -398,25 +397,12 @@ def draw_signs(
         canvas.flat[index, 1:] = code(robot_styles[:, None], names[which])
 
 
-def chosen_colours(scene: Scene, colour: NDArray[np.uint32]) -> BodyAndInk:
-    """The colours of robots and of the text on them; chosen robots have a marked body."""
-    body, ink = colour.copy(), np.full_like(colour, styles.COLOUR_FLOOR)
-    for robots, bg in (
-        (scene.marked, styles.COLOUR_MARKED),
-        ((scene.selected,), styles.COLOUR_SELECTED),
-    ):
-        chosen = np.asarray(robots, np.int32)
-        chosen = chosen[chosen != NIL]
-        body[chosen], ink[chosen] = bg, colour[chosen]
-    return body, ink
-
-
 def draw_crowds(
     canvas: Canvas,
     index: Cells,
     which: NDArray[np.intp],
-    state: NDArray[np.uint8],
-    colours: BodyAndInk,
+    robots: fleet.DrawnRobots,
+    marks: NDArray[np.uint32],
 ) -> None:
     """Write the number of robots in each cell with several (+ from ten), in the worst colour."""
     count = np.bincount(index, minlength=len(canvas.flat))
@@ -424,11 +410,12 @@ def draw_crowds(
     if not several.any():
         return
     index, which = index[several], which[several]
-    body, ink = (colour[which] for colour in colours)
-    chosen = ink != styles.COLOUR_FLOOR
-    order = np.lexsort((state[which], chosen))  # the last one wins: the worst, or a chosen one
-    index = index[order]
-    crowds = style(ink[order], body[order])
+    order = np.argsort(robots.state[which], kind="stable")  # the last one wins: the worst
+    index, which = index[order], which[order]
+    mark = np.zeros(len(canvas.flat), np.uint32)
+    np.maximum.at(mark, index, marks[which])  # of any robot in the cell
+    colour = robots.colour[which]
     digit = np.array([*canvas.glyphs.digits, ord("+")])[np.minimum(count[index], 10)]
+    crowds = style(styles.COLOUR_FLOOR, colour)
     canvas.flat[index] = code(crowds, canvas.glyphs.blank)[:, None]
-    canvas.flat[index, canvas.sign] = code(crowds, digit)
+    canvas.flat[index, canvas.sign] = code(fleet.sign_styles(colour, mark[index]), digit)

@@ -116,8 +116,11 @@ def with_half_rows(rows: Codes, glyphs: GlyphSet) -> Codes:
     pairs = rows.reshape(-1, 2, rows.shape[1])
     grounds = (pairs >> np.uint32(GLYPH_BITS)) % np.uint32(len(styles.COLOUR_TABLE))
     shared = fleet.paired(glyphs, grounds[:, 0], grounds[:, 1])
-    walls = (pairs[:, 0] == pairs[:, 1]) & (pairs[:, 0] & GLYPHS == glyphs.wall)
-    shared = np.where(walls, pairs[:, 0], shared)
+    walls = pairs & GLYPHS == glyphs.wall
+    dots = walls[:, 0] * HALVES[0] | walls[:, 1] * HALVES[1]
+    half = code(style(styles.COLOUR_WALL, styles.COLOUR_FLOOR), np.array(glyphs.braille)[dots])
+    shared = np.where((dots > 0) & (grounds == styles.COLOUR_FLOOR).all(axis=1), half, shared)
+    shared = np.where(walls.all(axis=1), pairs[:, 0], shared)
     return np.stack((pairs[:, 0], shared, pairs[:, 1]), axis=1).reshape(-1, rows.shape[1])
 
 
@@ -244,7 +247,7 @@ def draw_over(canvas: DotCanvas, scene: Scene) -> None:
 
 
 def draw_robots(canvas: DotCanvas, scene: Scene) -> None:
-    """Draw robots; marked and selected ones have their own backgrounds."""
+    """Draw robots; marked and selected ones in their colours on that of the mark."""
     seen, flat = fleet.robots_of(scene), canvas.flat
     dots = canvas.dots(seen.cell)
     order = np.argsort(seen.state[dots.which], kind="stable")  # the last one wins: the worst
@@ -258,14 +261,12 @@ def draw_robots(canvas: DotCanvas, scene: Scene) -> None:
     fg = colours[dots.index]
     plain = style(fg, canvas.backgrounds[dots.index])
     flat[dots.index] = code(np.where(solid, style(styles.COLOUR_FLOOR, fg), plain), signs)
-    for robots, bg in (
-        (scene.marked, styles.COLOUR_MARKED),
-        ((scene.selected,), styles.COLOUR_SELECTED),
-    ):
-        chosen = np.asarray(robots, np.int32)
-        chosen = chosen[chosen != NIL]
-        spots = canvas.dots(seen.cell[chosen]).index
-        flat[spots] = styles.with_background(flat[spots], bg)
+    marks = np.zeros(flat.size, np.uint32)
+    np.maximum.at(marks, dots.index, fleet.marks_of(scene, len(seen.cell))[dots.which])
+    spots = np.flatnonzero(marks)
+    full = flat[spots] & GLYPHS == canvas.glyphs.fleet_full
+    sign = np.where(full, canvas.glyphs.fleet_half[0], flat[spots] & GLYPHS)
+    flat[spots] = code(style(colours[spots], marks[spots]), sign)
 
 
 def robot_signs(
@@ -389,15 +390,20 @@ def draw_layer(canvas: Pixels, scene: Scene) -> bool:
 
 
 def draw_robot_pixels(canvas: Pixels, scene: Scene) -> None:
-    """Paint robots as pixels in the colour of their state, the worst if several share one."""
+    """Paint robots as pixels in the colour of their state, the worst if several share one.
+
+    A mark is beside the robot, in the other half of its character: that of a selected robot always,
+    others unless a robot is there.
+    """
     seen = fleet.robots_of(scene)
     index, which = canvas.at(seen.cell)
     order = np.argsort(seen.state[which], kind="stable")
     canvas.flat[index[order]] = seen.colour[which[order]]
-    chosen = np.asarray(scene.marked, np.int32)
-    canvas.paint(seen.cell[chosen], styles.COLOUR_MARKED)
-    if scene.selected != NIL:
-        canvas.paint(seen.cell[[scene.selected]], styles.COLOUR_SELECTED)
+    marks = fleet.marks_of(scene, len(seen.cell))[which]
+    columns = canvas.pixels.shape[1]
+    beside = np.where(index // columns % 2, index - columns, index + columns)
+    shown = (marks > 0) & ((marks == styles.COLOUR_SELECTED) | ~np.isin(beside, index))
+    canvas.flat[beside[shown]] = marks[shown]
 
 
 @lru_cache(maxsize=16)

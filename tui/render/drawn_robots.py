@@ -139,6 +139,23 @@ def colours_of(scene: Scene, state: NDArray[np.uint8]) -> NDArray[np.uint32]:
     return BODY_COLOURS[coloured(scene, state)]
 
 
+def marks_of(scene: Scene, robots: int) -> NDArray[np.uint32]:
+    """(n,) the colour that marks each robot, around its own; 0: not marked."""
+    marks = np.zeros(robots, np.uint32)
+    for chosen, colour in (
+        (scene.marked, styles.COLOUR_MARKED),
+        ((scene.selected,), styles.COLOUR_SELECTED),
+    ):
+        which = np.asarray(chosen, np.int32)
+        marks[which[which != NIL]] = colour
+    return marks
+
+
+def sign_styles(colour: Colours, marks: Colours) -> Colours:
+    """The styles of signs on robots: cut out of their colour or, if marked, in it on the mark's."""
+    return np.where(marks, style(colour, marks), style(styles.COLOUR_FLOOR, colour))
+
+
 def shape_glyphs(glyphs: GlyphSet) -> NDArray[np.uint32]:
     """(shapes, 4) glyphs by shape and direction."""
     still = (glyphs.parked, glyphs.charging, glyphs.drained, glyphs.fault)
@@ -271,9 +288,12 @@ def _level_words(scene: Scene) -> list[str]:
 
 
 def drawn_robots(
-    canvas: Canvas, robots: DrawnRobots, which: NDArray[np.intp], body: Colours, ink: Colours
+    canvas: Canvas, robots: DrawnRobots, which: NDArray[np.intp], marks: Colours
 ) -> Codes:
-    """(k, characters of a cell) codes of the robots `which` in these colours, all (k,)."""
+    """(k, characters of a cell) codes of the robots `which`; marks: (k,), see `marks_of`.
+
+    A marked robot has the mark's colour around its outline and behind its sign.
+    """
     snapshot = canvas.scene.snapshot
     assert snapshot is not None
     drawings = sprites(canvas.width, canvas.height, canvas.scene.floor.battery)
@@ -281,7 +301,9 @@ def drawn_robots(
     waits = snapshot.robots.cause[which] != 0
     outline = np.where(np.isin(shape, HEADLESS), ROUND, np.where(waits, FLAT, POINTED))
     load = (snapshot.robots.load[which] != NIL).astype(np.intp)
+    body = robots.colour[which]
     colours = pixel_colours(canvas, which, body, drawings.bar[outline, direction])
+    colours[:, OUTSIDE] = np.where(marks, marks, colours[:, OUTSIDE])
     robot = np.arange(len(which))[:, None]
     above = drawings.upper[outline, load, direction]
     below = drawings.lower[outline, load, direction]
@@ -293,9 +315,9 @@ def drawn_robots(
     sign = drawings.sign[outline, direction]
     glyph = shape_glyphs(canvas.glyphs)[shape, direction]
     row = np.arange(len(which))
-    codes[row, sign] = code(style(ink, ground(upper[row, sign], lower[row, sign])), glyph)
+    codes[row, sign] = code(sign_styles(ground(upper[row, sign], lower[row, sign]), marks), glyph)
     starts, room = drawings.number[outline, direction], drawings.room[outline, direction]
-    draw_numbers(canvas, codes, len(robots.cell), which, (starts, room), (upper, lower, ink))
+    draw_numbers(canvas, codes, len(robots.cell), which, (starts, room), (upper, lower))
     return codes
 
 
@@ -341,18 +363,18 @@ def draw_numbers(
     fleet_size: int,
     which: NDArray[np.intp],
     places: tuple[NDArray[np.intp], NDArray[np.intp]],
-    colours: tuple[Colours, Colours, Colours],
+    colours: tuple[Colours, Colours],
 ) -> None:
     """Write the numbers of robots, centred in their room, where they fit."""
     digits = len(str(max(fleet_size - 1, 0)))
-    (starts, room), (upper, lower, ink) = places, colours
+    (starts, room), (upper, lower) = places, colours
     names = number_glyphs(canvas.glyphs, fleet_size, digits)[which]
     first = starts + (room - digits + 1) // 2
     for column in range(digits):
         here = np.flatnonzero((room >= digits) & (names[:, column] != canvas.glyphs.blank))
         place = first[here] + column
         bg = ground(upper[here, place], lower[here, place])
-        codes[here, place] = code(style(ink[here], bg), names[here, column])
+        codes[here, place] = code(style(styles.COLOUR_FLOOR, bg), names[here, column])
 
 
 # Sprites.

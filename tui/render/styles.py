@@ -6,9 +6,12 @@ Unicode or in ASCII. Glyphs 32 to 126 are the printable ASCII characters themsel
     unicode   ▹▿◃▵ empty  ▸▾◂▴ loaded  ⊡ parked  ▯▮ shelf  ⊔ destination  ◊ turntable  ↯ charger
               ◫ rack  ⊏ dock  ⌂ station  ⋈ transfer station  ⊓ pod  ▫ storage without
               ≻⋎≺⋏ battery low  ⍄⍌⍃⍓ the same, loaded  ⊞ charges  ∅ battery empty  ✗ broken  ▬ load
-    ascii     >v<^ empty  }V{A loaded  p parked  #$ shelf  = destination  @ turntable  c charger
-              H rack  [ dock  t station  T transfer station  P pod  _ storage without
-              ! battery low  & the same, loaded  C charges  E battery empty  X broken  * load
+    ascii     >v<^ empty  }V{A loaded  B parked  #$ shelf  = destination  @ turntable  c charger
+              H rack  [ dock  t station  T transfer station  p pod  q storage without
+              ! battery low  & the same, loaded  C charges  Z battery empty  X broken  * load
+
+No letter has two meanings, here or in drawings (automaton.drawings.shapes.CELL_LETTERS): floors are
+drawn in scenarios with the same letters for chargers, bays and stations.
 
 Every character is one column wide. Except for the blocks ▀ ▄ █ ▌, none is "ambiguous" in Unicode's
 table of East Asian widths: some terminals draw such characters two columns wide (▲ ▶ ● ─ →).
@@ -95,12 +98,12 @@ class GlyphSet:
     # Robots, by direction.
     robot: Final = _shapes("▹▿◃▵", ">v<^")
     loaded: Final = _shapes("▸▾◂▴", "}V{A")
-    parked: Final = _shape("⊡", "p")
+    parked: Final = _shape("⊡", "B")
     idle: Final = _shape("⊚", "I")
     low: Final = _shapes("≻⋎≺⋏", "!!!!")  # with a nearly empty battery
     low_loaded: Final = _shapes("⍄⍌⍃⍓", "&&&&")
     charging: Final = _shape("⊞", "C")
-    drained: Final = _shape("∅", "E")  # down, without charge
+    drained: Final = _shape("∅", "Z")  # down, without charge
     fault: Final = _shape("✗", "X")  # down because of a fault
     cargo: Final = _shape("▪", "$")  # beside a robot that carries a load
     # Cells.
@@ -122,8 +125,8 @@ class GlyphSet:
     dock: Final = _shape("⊏", "[")
     station: Final = _shape("⌂", "t")
     transfer: Final = _shape("⋈", "T")  # a station between two zones
-    pod: Final = _shape("⊓", "P")  # in a storage cell
-    storage: Final = _shape("▫", "_")  # without a pod
+    pod: Final = _shape("⊓", "p")  # in a storage cell
+    storage: Final = _shape("▫", "q")  # without a pod
     left_load: Final = _shape("▬", "*")  # on the floor, where a robot had to leave it
     closed: Final = _shape("⊠", "x")  # no robot enters
     door: Final = _shape("⊟", "D")  # shut

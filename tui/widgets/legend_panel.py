@@ -266,7 +266,8 @@ def _without_colours(entries: list[LegendLine], near: bool) -> list[LegendLine]:
 
 def _overlays(scene: Scene, zoom: Zoom, glyphs: GlyphSet) -> list[LegendLine]:
     def bg(fg: int) -> tuple[int, ...]:
-        return (int(code(style(styles.COLOUR_ROBOT, fg), glyphs.robot[0])),)
+        sign = glyphs.robot[0] if zoom.kind == "cells" else glyphs.upper_half
+        return (int(code(style(styles.COLOUR_ROBOT, fg), sign)),)
 
     entries = []
     if scene.selected >= 0:

@@ -205,34 +205,38 @@ function drawShut(ctx, width, height) {
 
 // Robots
 
-// Shapes: hollow, filled (with a load), square (parked), plug, void, cross, thin, boxed, ring (idle).
+// The shapes of a mark are those of pictures of pixels; lengths are in cells.
 function drawRobot(ctx, x, y, size, mark, name) {
-  const state = mark & 7, direction = (mark >> 3) & 3, shape = mark >> 5;
-  const colour = colours().states[state], r = Math.max(size * 0.42, 3.5);
-  ctx.fillStyle = ctx.strokeStyle = colour;
+  const shapes = film.marks[mark];
+  if (size < film.detailed) return drawSmallRobot(ctx, x, y, size, shapes);
+  for (const shape of shapes) drawShape(ctx, x - size / 2, y - size / 2, size, shape);
+  const high = size * Math.min(0.4, 0.9 / (String(name).length + 0.5));
+  if (name === "" || high < film.legible) return;
+  ctx.fillStyle = colours().floor;
+  ctx.font = `600 ${Math.round(high)}px system-ui, sans-serif`;
+  ctx.textAlign = "center";
+  ctx.textBaseline = "middle";
+  ctx.fillText(name, x, y);
+}
+
+function drawSmallRobot(ctx, x, y, size, shapes) {
+  const r = Math.max(size * 0.46, 2.5), load = shapes.some(([, colour]) => colour === "load");
+  drawShape(ctx, x, y, r, ["disc", shapes[0][1], 0, 0, 0, 1]);
+  if (load) drawShape(ctx, x, y, r, ["disc", "load", 0, 0, 0, 0.5]);
+}
+
+function drawShape(ctx, x, y, size, [kind, colour, width, ...at]) {
+  const [a, b, c, d] = at.map((length) => length * size);
+  ctx.fillStyle = ctx.strokeStyle = colours()[colour];
+  ctx.lineWidth = width * size;
   ctx.beginPath();
-  if (shape === 2) ctx.rect(x - r * 0.8, y - r * 0.8, r * 1.6, r * 1.6);
-  else ctx.arc(x, y, r, 0, 7);
-  ctx.fill();
-  if (size < 6) return;
-  ctx.lineWidth = Math.max(1, size * 0.06);
-  ctx.strokeStyle = colours().floor;
-  ctx.stroke();
-  if (shape === 5) return cross(ctx, x, y, r * 0.5);
-  if (shape === 8) ring(ctx, x, y, r * 0.45);
-  else if (shape !== 2 && shape !== 3) nose(ctx, x, y, r, direction);
-  if (shape === 1 || shape === 7) {
-    ctx.fillStyle = colours().load;
-    ctx.fillRect(x - r * 0.5, y - r * 0.5, r, r);
-    ctx.strokeRect(x - r * 0.5, y - r * 0.5, r, r);
+  if (kind === "box") ctx.rect(x + a, y + b, c, d);
+  else if (kind === "disc") ctx.arc(x + a, y + b, c, 0, 7);
+  else {
+    ctx.moveTo(x + a, y + b);
+    ctx.lineTo(x + c, y + d);
   }
-  if (size >= 22) {
-    ctx.fillStyle = colours().floor;
-    ctx.font = `600 ${Math.round(size * 0.3)}px system-ui, sans-serif`;
-    ctx.textAlign = "center";
-    ctx.textBaseline = "middle";
-    ctx.fillText(name, x, y);
-  }
+  if (width) ctx.stroke(); else ctx.fill();
 }
 
 function cross(ctx, x, y, r) {
@@ -242,20 +246,6 @@ function cross(ctx, x, y, r) {
     ctx.lineTo(x + r, y + r * side);
   }
   ctx.stroke();
-}
-
-function ring(ctx, x, y, r) {
-  ctx.beginPath();
-  ctx.arc(x, y, r, 0, 7);
-  ctx.stroke();
-}
-
-function nose(ctx, x, y, r, direction) {
-  const [dx, dy] = SIDES[direction];
-  ctx.fillStyle = colours().floor;
-  ctx.beginPath();
-  ctx.arc(x + dx * r * 0.72, y + dy * r * 0.72, r * 0.2, 0, 7);
-  ctx.fill();
 }
 
 function drawRobots(ctx, width, height) {
@@ -348,12 +338,11 @@ function write() {
 function drawKey() {
   const head = document.createElement("h2");
   head.textContent = "Robots";
-  const shapes = [2, 8, 3, 0, 1, 6, 0, 5];
   const rows = film.states.flatMap((words, state) => {
     if (!film.battery && (state === 2 || state === 5)) return [];
     const sign = document.createElement("canvas"), text = document.createElement("span");
     sign.width = sign.height = 44;
-    drawRobot(sign.getContext("2d"), 22, 22, 40, state | (shapes[state] << 5), "");
+    drawRobot(sign.getContext("2d"), 22, 22, 40, film.key[state], "");
     text.textContent = words;
     return [sign, text];
   });
@@ -491,13 +480,13 @@ function listenToKeys() {
   const pan = (dx, dy) => { following = false; left += (dx * 60) / scale; top_ += (dy * 60) / scale; draw(); };
   const zoomIn = (factor) => { zoom(factor, $("map").clientWidth / 2, $("map").clientHeight / 2); draw(); };
   const step = (ticks) => goTo(tickNow() + ticks);
-  const actions = {
+  const actions = { // letters and signs mean what they mean in the viewer
     " ": () => play(!playing), ArrowLeft: (e) => step(e.shiftKey ? -100 : -1),
     ArrowRight: (e) => step(e.shiftKey ? 100 : 1), Home: () => goTo(0), End: () => goTo(TICKS - 1),
     "<": () => otherSpeed(-1), ">": () => otherSpeed(1), "+": () => zoomIn(1.25), "=": () => zoomIn(1.25),
-    "-": () => zoomIn(0.8), w: () => pan(0, -1), a: () => pan(-1, 0), s: () => pan(0, 1), d: () => pan(1, 0),
-    0: () => { following = false; fit(); draw(); }, t: otherTheme, Escape: () => choose(-1),
-    n: () => choose((selected + 1) % film.robots), p: () => choose((Math.max(selected, 0) + film.robots - 1) % film.robots),
+    "-": () => zoomIn(0.8), h: () => pan(-1, 0), j: () => pan(0, 1), k: () => pan(0, -1), l: () => pan(1, 0),
+    0: () => { following = false; fit(); draw(); }, T: otherTheme, Escape: () => choose(-1),
+    ")": () => choose((selected + 1) % film.robots), "(": () => choose((Math.max(selected, 0) + film.robots - 1) % film.robots),
     f: () => choose(selected, !following),
   };
   document.addEventListener("keydown", (event) => {

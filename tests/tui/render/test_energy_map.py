@@ -42,7 +42,7 @@ def every_condition() -> Scene:
     ("zoom", "glyphs", "rows"),
     [
         ("1x1", UNICODE, ["≺⍓∅✗.▬", "✗⊞▬⌂.▹"]),
-        ("1x1", ASCII, ["!&EX.*", "XC*t.>"]),
+        ("1x1", ASCII, ["!&ZX.*", "XC*t.>"]),
         ("2x1", UNICODE, ["≺ ⍓▪∅ ✗ . ▬", "✗ ⊞ ▬ ⌂ . ▹"]),
         ("3x1", UNICODE, ["≺0 ⍓1 ∅2 ✗3 .  ▬", "✗4 ⊞5 ▬  ⌂  .  ▹6"]),
     ],

@@ -89,7 +89,7 @@ def test_explored_says_whether_the_scenario_searches_so() -> None:
 
 
 def test_zones_show_their_tints() -> None:
-    assert said(two_zones()) == "zone 1 de 2"
+    assert said(two_zones()) == "zone 1 fg 2"
     floor = traffic_zones_of(FLOOR, "with-intersections")
     scene = make_scene(FLOOR, zones=floor, layer="traffic-zones")
     words, signs, differ = scale_line(scene, UNICODE)

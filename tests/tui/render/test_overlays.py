@@ -54,7 +54,8 @@ def test_the_selected_the_marked_and_the_cursor(zoom: str):
         ({"cursor": floor_plan.cell(0, 5)}, floor_plan.cell(0, 5)),
     ):
         after = scene.with_(**overlay)
-        assert changed_cells(scene, after, zoom) == characters(scene, zoom, [cell])
+        whole = "cursor" in overlay  # a mark is behind the sign
+        assert changed_cells(scene, after, zoom) == characters(scene, zoom, [cell], whole)
 
 
 @pytest.mark.parametrize("zoom", ALL)
@@ -167,9 +168,9 @@ def test_a_robot_and_its_route_stand_on_the_heat_of_their_cells(zoom: str):
         assert (fg(code), bg(code)) == shown
     codes, camera = composed(scene.with_(selected=0), zoom)
     row, column = camera.place_of(here)
-    chosen = codes[row, column : column + camera.zoom.width]
-    assert {bg(code) for code in chosen} == {styles.COLOUR_SELECTED}
-    assert not {UNICODE.characters[code & 0xFFFF] for code in chosen} & set(".:-=+*#@")
+    chosen = codes[row, column]
+    assert (fg(chosen), bg(chosen)) == (styles.COLOUR_TEXT, styles.COLOUR_SELECTED)
+    assert UNICODE.characters[chosen & 0xFFFF] not in ".:-=+*#@"
 
 
 @pytest.mark.parametrize("zoom", FAR)
@@ -202,3 +203,24 @@ def test_without_colours_the_level_of_heat_is_a_shade_also_from_afar(zoom: str, 
         shades.append(int(codes[camera.place_of(floor_plan.cell(6, 6))]))
     assert len({shade & 0xFFFF for shade in shades}) == 3
     assert all(fg(shade) == bg(shade) for shade in shades)  # with colours those alone are seen
+
+
+@pytest.mark.parametrize("zoom", ["8x4", "4x2", "3x1.5", "1.5x0.75", *ALL])
+def test_marks_stand_around_robots_and_never_replace_the_colour_of_their_state(zoom: str):
+    floor_plan = open_floor(9, 9)
+    robots = [
+        {"cell": floor_plan.cell(1, 1), "wait_cycle_ticks": 5, "cause": 2},  # deadlocked
+        {"cell": floor_plan.cell(4, 4), "load": 1},
+        {"cell": floor_plan.cell(7, 7)},
+    ]
+    scene = make_scene(floor_plan, *robots)
+    colours = (styles.COLOUR_FAULT, styles.COLOUR_LOADED, styles.COLOUR_ROBOT)
+    jam = scene.with_(marked=np.array([0, 1], np.int32), selected=2)
+    marks = (styles.COLOUR_MARKED, styles.COLOUR_MARKED, styles.COLOUR_SELECTED)
+    codes, camera = composed(jam, zoom)
+    for robot, colour, mark in zip(robots, colours, marks, strict=True):
+        row, column = camera.place_of(robot["cell"])
+        above = max(row - (zoom == "1.5x0.75"), 0)  # a mark is in half a cell above or below
+        cell = codes[above : row + camera.zoom.height, column : column + camera.zoom.width]
+        shown = {part(code) for code in cell.reshape(-1) for part in (fg, bg)}
+        assert {colour, mark} <= shown

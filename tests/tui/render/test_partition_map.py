@@ -33,11 +33,11 @@ def rows(scene: Scene, zoom: str) -> list[str]:
 
 
 def test_ways_of_zones_bear_letters_where_there_are_no_colours() -> None:
-    assert rows(two_zones(), "1x1") == ["tdddT...t", "d%%%%%%%e", "t.......t"]
+    assert rows(two_zones(), "1x1") == ["tfffT...t", "f%%%%%%%g", "t.......t"]
 
 
 def test_where_there_is_room_stations_bear_their_numbers() -> None:
-    assert rows(two_zones(), "3x1")[0] == "t1 d  d  d  T2 .  .  .  t3"
+    assert rows(two_zones(), "3x1")[0] == "t1 f  f  f  T2 .  .  .  t3"
 
 
 @pytest.mark.parametrize("zoom", ["4x2", "6x3", "8x4"])
@@ -82,7 +82,7 @@ def test_from_afar_ways_and_stations_are_seen() -> None:
 
 
 def test_from_afar_without_colours_one_half_of_a_character_is_enough_for_a_letter() -> None:
-    assert rows(two_zones(), "half") == ["tdddT===t", "t       t"]
+    assert rows(two_zones(), "half") == ["tfffT===t", "t       t"]
 
 
 def test_without_the_layer_zones_are_not_drawn() -> None:

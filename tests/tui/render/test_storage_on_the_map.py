@@ -18,7 +18,7 @@ def test_pods_have_a_sign_and_so_has_storage_without() -> None:
     scene = make_scene(drawn(AISLE))
     codes, camera = composed(scene, "1x1")
     assert text(codes).split("\n")[1] == "⌃⊓▫⊓▫⌄"
-    assert text(compose(scene, camera, ASCII), ASCII).split("\n")[1] == "nP_P_u"
+    assert text(compose(scene, camera, ASCII), ASCII).split("\n")[1] == "npqpqu"
 
 
 def test_an_aisle_beside_storage_keeps_its_arrow() -> None:

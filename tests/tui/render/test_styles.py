@@ -8,7 +8,9 @@ from itertools import combinations, pairwise
 import numpy as np
 import pytest
 
+from automaton.drawings.shapes import CELL_LETTERS
 from tui.render import styles
+from tui.render.cell_looks import TINT_CODES
 from tui.render.styles import (
     ASCII,
     COLOUR_FLOOR,
@@ -298,3 +300,20 @@ def test_characters_follow_the_locale_and_the_option_has_the_last_word(
     environ: dict[str, str], option: str, expected: GlyphSet
 ) -> None:
     assert glyphs_of(environ, option) is expected
+
+
+def test_no_letter_has_two_meanings_on_maps_and_in_drawings() -> None:
+    named = vars(type(ASCII))
+    meanings: dict[str, set[str]] = {letter: {name} for name, letter in CELL_LETTERS.items()}
+    same = {"bay": "parking-bay", "fleet_full": "fleet", "fleet_half": "fleet"}
+    same |= {"fleet_quarters": "fleet", "one_way": "direction", "way": "direction"}
+    same |= {"arrow": "direction", "one_way_head": "closed direction"}
+    for name, glyphs in named.items():
+        if isinstance(glyphs, int | tuple) and not name.startswith("_"):
+            for glyph in np.atleast_1d(glyphs).tolist():
+                meanings.setdefault(ASCII.characters[glyph], set()).add(same.get(name, name))
+    for letter in map(chr, TINT_CODES):
+        meanings.setdefault(letter, set()).add("tint")
+    letters = {letter: names for letter, names in meanings.items() if letter.isalpha()}
+    assert len(letters) > 25
+    assert {letter: names for letter, names in letters.items() if len(names) > 1} == {}

@@ -167,10 +167,9 @@ class _Line:
             one[rows][last]
             for one in (track.cell, track.to_cell, track.share, track.heading, *fleet[2:4])
         )
-        self.down, self.driving, self.action, self.action_id, self.charge, self.charging = (
-            getattr(samples, name)[rows][last]
-            for name in ("down", "driving", "action", "action_id", "charge", "charging")
-        )
+        self.down, self.driving = samples.down[rows][last], samples.driving[rows][last]
+        self.action, self.action_id = samples.action[rows][last], samples.action_id[rows][last]
+        self.charge, self.charging = samples.charge[rows][last], samples.charging[rows][last]
         self.executed = np.zeros(fleet.ticks + 1, np.uint16)
         self.free = np.ones(fleet.ticks + 1, np.bool_)  # ticks without an action
         self.changes: list[tuple[int, int, int]] = []

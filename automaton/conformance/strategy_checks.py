@@ -41,7 +41,6 @@ from automaton.runs.simulation import Simulation
 from automaton.runs.state_copy import captured, restore
 from automaton.strategy import lookup
 from automaton.strategy.patience import NoAnswer
-from automaton.units import count
 
 TRACE_STEP: Final = 50  # ticks between compared digests
 BRANCH_TICK: Final = 150
@@ -388,8 +387,8 @@ def delivery(subject: Subject, number: int) -> list[Failure]:
     if done:
         return []
     robots, orders = len(run.world.robots.cell), len(run.world.orders.state)
-    who = f"{count(robots, 'robot')} ({floor['fleet']['kinematics']})"
-    text = f"{who} delivered 0 of {count(orders, 'order')} in {run.tick:,} ticks"
+    who = f"{robots} robot{'s' * (robots > 1)} ({floor['fleet']['kinematics']})"
+    text = f"{who} delivered 0 of {orders} orders in {run.tick:,} ticks"
     return [Failure("delivery", text)]
 
 

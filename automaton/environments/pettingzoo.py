@@ -13,8 +13,8 @@ from __future__ import annotations
 from typing import Any, ClassVar, Final
 
 import numpy as np
+from numpy.typing import NDArray
 
-from automaton.engine.state import NIL, Array
 from automaton.environments.environment import Environment, check_name
 from automaton.environments.gym import check_render_mode, observation_space
 from automaton.errors import InputError, nearest
@@ -139,7 +139,7 @@ class FleetParallelEnv(ParallelEnv):  # type: ignore[misc]
         try:
             row = np.fromiter(actions.values(), np.int64, len(agents))
         except (OverflowError, TypeError, ValueError):
-            row = np.full(1, NIL, np.int64)
+            row = np.full(1, -1, np.int64)  # no action
         if row.view(np.uint64).max() > most:  # as unsigned numbers, negative ones are large
             allowed = range(most + 1)
             agent = next(one for one in agents if actions[one] not in allowed)
@@ -150,7 +150,7 @@ class FleetParallelEnv(ParallelEnv):  # type: ignore[misc]
         """The picture of the world as text, with render_mode="ansi"."""
         return None if self.render_mode is None else self.environment.picture()
 
-    def state(self) -> Array:
+    def state(self) -> NDArray[np.uint8]:
         """(C, rows, columns) uint8: the channels of the environment over the whole floor."""
         return self.environment.whole_floor()
 

@@ -248,21 +248,21 @@ def draw_over(canvas: DotCanvas, scene: Scene) -> None:
 
 def draw_robots(canvas: DotCanvas, scene: Scene) -> None:
     """Draw robots; marked and selected ones in their colours on that of the mark."""
-    seen, flat = fleet.robots_of(scene), canvas.flat
-    dots = canvas.dots(seen.cell)
-    order = np.argsort(seen.state[dots.which], kind="stable")  # the last one wins: the worst
+    drawn, flat = fleet.robots_of(scene), canvas.flat
+    dots = canvas.dots(drawn.cell)
+    order = np.argsort(drawn.state[dots.which], kind="stable")  # the last one wins: the worst
     colours = np.zeros(flat.size, np.uint32)
-    colours[dots.index[order]] = seen.colour[dots.which[order]]
+    colours[dots.index[order]] = drawn.colour[dots.which[order]]
     on_layer = canvas.camera.zoom.kind == "pixels" or canvas.on_layer
     rows, columns = canvas.camera.size()
-    mark = fleet.far_mark(len(seen.cell), rows * columns, on_layer)
+    mark = fleet.far_mark(len(drawn.cell), rows * columns, on_layer)
     quarters = canvas.camera.zoom.kind == "quarters" and not canvas.on_layer
     signs, solid = robot_signs(canvas.glyphs, dots.patterns(flat.size), mark, quarters)
     fg = colours[dots.index]
     plain = style(fg, canvas.backgrounds[dots.index])
     flat[dots.index] = code(np.where(solid, style(styles.COLOUR_FLOOR, fg), plain), signs)
     marks = np.zeros(flat.size, np.uint32)
-    np.maximum.at(marks, dots.index, fleet.marks_of(scene, len(seen.cell))[dots.which])
+    np.maximum.at(marks, dots.index, fleet.marks_of(scene, len(drawn.cell))[dots.which])
     spots = np.flatnonzero(marks)
     full = flat[spots] & GLYPHS == canvas.glyphs.fleet_full
     sign = np.where(full, canvas.glyphs.fleet_half[0], flat[spots] & GLYPHS)
@@ -395,11 +395,11 @@ def draw_robot_pixels(canvas: Pixels, scene: Scene) -> None:
     A mark is beside the robot, in the other half of its character: that of a selected robot always,
     others unless a robot is there.
     """
-    seen = fleet.robots_of(scene)
-    index, which = canvas.at(seen.cell)
-    order = np.argsort(seen.state[which], kind="stable")
-    canvas.flat[index[order]] = seen.colour[which[order]]
-    marks = fleet.marks_of(scene, len(seen.cell))[which]
+    drawn = fleet.robots_of(scene)
+    index, which = canvas.at(drawn.cell)
+    order = np.argsort(drawn.state[which], kind="stable")
+    canvas.flat[index[order]] = drawn.colour[which[order]]
+    marks = fleet.marks_of(scene, len(drawn.cell))[which]
     columns = canvas.pixels.shape[1]
     beside = np.where(index // columns % 2, index - columns, index + columns)
     shown = (marks > 0) & ((marks == styles.COLOUR_SELECTED) | ~np.isin(beside, index))

@@ -167,10 +167,11 @@ class _Line:
             one[rows][last]
             for one in (track.cell, track.to_cell, track.share, track.heading, *fleet[2:4])
         )
-        self.down, self.driving, self.action, self.action_id, self.charge, self.charging = (
+        self.down, self.action, self.action_id, self.charge, self.charging = (
             getattr(samples, name)[rows][last]
-            for name in ("down", "driving", "action", "action_id", "charge", "charging")
+            for name in ("down", "action", "action_id", "charge", "charging")
         )
+        self.driving = samples.driving[rows][last]
         self.executed = np.zeros(fleet.ticks + 1, np.uint16)
         self.free = np.ones(fleet.ticks + 1, np.bool_)  # ticks without an action
         self.changes: list[tuple[int, int, int]] = []

@@ -344,7 +344,8 @@ def _fit_battery(fitting: Fitting, turns: Array) -> tuple[battery_fits.ChargeSte
         return ()
     logged = float(np.median(np.bincount(samples.robot, track.elapsed * track.usable)))
     if logged < MIN_BATTERY_S:
-        fitting.unsaid.append(f"battery: {logged / HOUR:.2g} h of at least 2 h a robot")
+        hours = math.floor(100 * logged / HOUR) / 100
+        fitting.unsaid.append(f"battery: {hours:g} h of at least 2 h a robot")
         return ()
     kind, seconds = fitting.kind, {name: fitting.seconds(name) for name in ("pick", "drop")}
     own = {name: one[kind] for name, one in seconds.items()}

@@ -296,7 +296,7 @@ def add_arrivals(
     settings: dict[str, Any],
 ) -> Iterator[str]:
     """Add the demand to the fits and the settings, or to what cannot be said; yield remarks."""
-    from automaton.calibration.demand_report import poisson_verdict
+    from automaton.calibration.demand_report import poisson_verdict, rate_words
     from automaton.calibration.fitted_settings import arguments_of
     from automaton.calibration.site_fits import Estimate, FittedValue
     from automaton.studies.inference.intervals import mean_interval
@@ -322,7 +322,8 @@ def add_arrivals(
     low, high = (rate.value if end is None else end for end in (rate.low, rate.high))
     value = FittedValue(rate.value, low, high, rate.n)
     observed = f"{count(demand.total, 'order')}, {count(demand.days, 'day')}"
-    fits.estimates[ARRIVALS] = Estimate(ARRIVALS, "/h", None, value, observed, "mean of the weeks")
+    remark = f"mean of all hours of the week; {rate_words(demand)}"
+    fits.estimates[ARRIVALS] = Estimate(ARRIVALS, "/h", None, value, observed, remark)
     yield f"orders: would Poisson arrivals do? {poisson_verdict(demand)}"
 
 

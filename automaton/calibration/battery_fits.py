@@ -38,6 +38,7 @@ LOAD_FACTORS: Final = (0.5, 3.0)
 MAX_CHARGE_STEPS: Final = 3
 FULL: Final = 99.5  # percent from which chargers trickle
 MIN_BIN_SECONDS: Final = 60.0  # of charging, for a rate
+Z_95: Final = 1.96  # standard errors to the ends of a 95 % interval
 WORTH: Final = 0.05  # a further step must lower the squared error to this share of the variation
 
 
@@ -210,8 +211,15 @@ def _solve(table: Array, lost: Array, has_factor: bool, near: float | None = Non
     return np.append(fit(factor)[0], factor)
 
 
-def fit_charging(track: RobotTracks) -> tuple[tuple[float, float], ...]:
-    """[from percent, percent per second] steps of the charging rate; () if too little was charged."""
+class ChargeStep(NamedTuple):
+    """The charging rate from a charge on."""
+
+    percent: float
+    rate: FittedValue  # percent per second
+
+
+def fit_charging(track: RobotTracks) -> tuple[ChargeStep, ...]:
+    """The steps of the charging rate; () if too little was charged."""
     charge, charging = track.log.samples.charge, track.log.samples.charging == 1
     change = np.append(np.diff(charge), 0.0)
     both = charging & np.append(charging[1:], False) & track.usable & (charge < FULL)
@@ -233,8 +241,19 @@ def fit_charging(track: RobotTracks) -> tuple[tuple[float, float], ...]:
         if steps == 1 or (misfit > weight.sum() * (WORTH * mean) ** 2 and after < misfit / 2):
             misfit, begins = after, more
     parts = zip(np.split(rate, begins[1:]), np.split(weight, begins[1:]), strict=True)
-    rates = [float(np.average(part, weights=of)) for part, of in parts]
-    return tuple(zip([0.0, *known[begins[1:]].astype(float).tolist()], rates, strict=True))
+    starts = [0.0, *known[begins[1:]].astype(float).tolist()]
+    rates = (_mean_rate(part, of) for part, of in parts)
+    return tuple(ChargeStep(*step) for step in zip(starts, rates, strict=True))
+
+
+def _mean_rate(rates: Array, seconds: Array) -> FittedValue:
+    """The rate over all seconds, from that of each percent; the spread of these gives the interval."""
+    mean, n = float(np.average(rates, weights=seconds)), len(rates)
+    if n < 2:
+        return FittedValue(mean, 0.0, math.inf, n)
+    squares = float((seconds**2 * (rates - mean) ** 2).sum())
+    half = Z_95 * math.sqrt(squares * n / (n - 1)) / float(seconds.sum())
+    return FittedValue(mean, max(mean - half, 0.0), mean + half, n)
 
 
 def _between_changes(rows: Array, change: Array) -> Array:

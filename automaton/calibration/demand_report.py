@@ -49,7 +49,8 @@ def demand_blocks(demand: WeeklyDemand) -> list[Block]:
     return [
         Text(
             f"{count(demand.total, 'order')} on {days}; "
-            f"{demand.rates.min():,.4g} to {demand.rates.max():,.4g} orders an hour of the week.",
+            f"{demand.rates.min():,.4g} to {demand.rates.max():,.4g} orders an hour of the week; "
+            f"{rate_words(demand)}.",
             strong=True,
         ),
         Heading("Would Poisson arrivals do?"),
@@ -96,7 +97,19 @@ def poisson_evidence(demand: WeeklyDemand) -> Iterator[str]:
         yield f"batches in an hour of the week: variance / mean {_dispersion(demand.batches)}"
     yield (
         f"times between orders: {percent(demand.zero_gaps)} are 0, standard deviation / mean "
-        f"{demand.gap_variation:,.1f} (1 for Poisson at a constant rate)"
+        f"{demand.gap_variation:,.1f} (1 for Poisson at a constant rate; pauses and rates that change "
+        "raise it)"
+    )
+
+
+def rate_words(demand: WeeklyDemand) -> str:
+    """The rate of the busiest hour, and the mean over the hours with orders."""
+    busiest = int(np.argmax(demand.rates))
+    day, hour = divmod(busiest, HOURS_OF_DAY)
+    mean = demand.rates[demand.rates > 0].mean()
+    return (
+        f"{demand.rates[busiest]:,.4g} on {WEEKDAY_NAMES[day]} at {hour}:00, "
+        f"mean of the hours with orders {mean:,.4g}"
     )
 
 

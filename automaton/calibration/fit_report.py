@@ -52,7 +52,8 @@ def estimate_rows(fits: SiteFits) -> Iterator[Sequence[str]]:
         yield one.key, present, f"{one.fit.value:.4g}", f"{low} to {high}", unit, source
     for start, rate in fits.charging:
         source = f"charging from {start:g} %" if len(fits.charging) > 1 else "charging"
-        yield "battery.charge_rate", "", f"{rate * HOUR:.4g}", "", "%/h", source
+        value, low, high = (f"{one * HOUR:.4g}" for one in rate[:3])
+        yield "battery.charge_rate", "", value, f"{low} to {high}", "%/h", source
     for slow in fits.slow:
         where = "({}, {}) to ({}, {})".format(*slow.first, *slow.last)
         low, high = (f"{end:.4g}" for end in slow.speed[1:3])
@@ -88,6 +89,15 @@ def fit_record(
                 "unit": "m/s",
             }
             for slow in fits.slow
+        ],
+        "charging": [
+            {
+                "from": start,
+                "value": HOUR * rate.value,
+                "low": HOUR * rate.low,
+                "high": HOUR * rate.high,
+            }
+            for start, rate in fits.charging
         ],
         "not_fitted": fits.unsaid,
         "robots_that_differ": fits.notes,

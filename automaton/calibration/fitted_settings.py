@@ -145,7 +145,7 @@ def _battery(fits: SiteFits, battery: Mapping[str, Any] | None) -> Settings:
         for key, one in fits.estimates.items()
         if key.startswith(prefix)
     }
-    steps = [[start, with_unit(rate * HOUR, "%/h")] for start, rate in fits.charging]
+    steps = [[start, with_unit(rate.value * HOUR, "%/h")] for start, rate in fits.charging]
     rate = steps[0][1] if len(steps) == 1 else steps
     if battery is None and not ("move" in drains and steps):
         return {}
@@ -250,6 +250,9 @@ def interval_lines(fits: SiteFits) -> Iterator[str]:
     """Each estimate with its interval."""
     for one in fits.estimates.values():
         yield f"{one.key}: {interval_words(one)}; {one.observed}"
+    for start, fit in fits.charging:
+        value, low, high = (one * HOUR for one in fit[:3])
+        yield f"battery.charge_rate from {start:g} %: {value:.4g} %/h ({low:.4g} to {high:.4g})"
     for slow in fits.slow:
         ends = f"{slow.first[0]},{slow.first[1]} to {slow.last[0]},{slow.last[1]}"
         speed = slow.speed

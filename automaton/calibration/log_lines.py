@@ -17,6 +17,7 @@ import datetime
 import gzip
 import itertools
 import math
+import re
 import zlib
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -57,6 +58,8 @@ NO_LOAD: Final = ("", "0", "-", "none", "no", "false")
 CSV_NUMBERS: Final = ("x", "y", "theta", "charge")
 SEPARATORS: Final = (";", "\t", ",")  # the first of these in the header wins
 MAX_SHOWN: Final = 20  # columns, in an error
+LONGEST_HEAD: Final = 10_000  # bytes of the first line of CSV
+SEPARATED: Final = re.compile(rb"[,;\t]")
 GZIP: Final = b"\x1f\x8b"
 BARE: Final = msgspec.Raw()  # the payload of a message without an envelope
 BYTE_ORDER_MARK: Final = b"\xef\xbb\xbf"
@@ -164,7 +167,12 @@ class LineReader:
                 is_packed = raw.peek(2)[:2] == GZIP
                 stream = stack.enter_context(gzip.open(raw)) if is_packed else raw
                 first = next(_lines(stream), b"")
+                if not first:
+                    raise InputError("is empty", str(path))
                 is_json = first.lstrip(BYTE_ORDER_MARK + b" ")[:1] in (b"{", b"[")
+                if not is_json and len(first) < LONGEST_HEAD and not SEPARATED.search(first):
+                    text = "is not a log: neither JSON objects nor a CSV file with robot,time,x,y"
+                    raise InputError(text, str(path), 1)
                 read = self._json_rows if is_json else self._csv_rows
                 for row in read(itertools.chain([first], _lines(stream)), str(path)):
                     self.messages += 1

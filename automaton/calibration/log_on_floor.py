@@ -26,6 +26,7 @@ from automaton.units import LENGTH_UNITS, percent
 Array = np.ndarray[Any, Any]
 
 MAX_OFF_FLOOR: Final = 0.02  # share of the positions
+MAX_THETA: Final = math.tau + 0.01  # radians
 SNAP_M: Final = 0.05  # metres from a centre within which a robot stands in the cell
 MAX_STEP: Final = 1.5  # cells to a message before or after that shows where a robot drives
 MAX_FITTED: Final = 50_000  # positions that a fit looks at
@@ -198,6 +199,10 @@ def placed(log: StateLog, floor_plan: FloorPlan, units: Units, snap: float = SNA
         fit = _nearest_fit(samples, floor_plan, metres)
         off = percent(off_floor / int(known.sum()))
         raise InputError(f"{off} of the positions are not on the floor; {fit}")
+    is_beyond = abs(np.nan_to_num(samples.theta)) > MAX_THETA
+    if is_beyond.sum() > MAX_OFF_FLOOR * np.isfinite(samples.theta).sum():
+        theta = float(np.nanmax(abs(samples.theta)))
+        raise InputError(f"has theta up to {theta:,.4g}; theta is in radians, so convert degrees")
     cell = np.where(on_floor, cell, NIL)
     heading = _headings(samples.theta - math.radians(units.rotation))
     offset = column - near_column, row - near_row

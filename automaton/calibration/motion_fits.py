@@ -18,7 +18,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 
 from automaton.calibration.duration_fits import Censored
-from automaton.calibration.log_on_floor import RobotTracks
+from automaton.calibration.log_on_floor import STILL, RobotTracks
 from automaton.calibration.state_log import MAX_GAP_MS
 
 Array = np.ndarray[Any, Any]
@@ -35,6 +35,7 @@ MIN_SLOW_PAIRS: Final = 30
 SLOW_SHARE: Final = 0.05  # below the usual speed
 SHORTEST_DELAY_S: Final = 1.0
 ERRORS: Final = 3  # standard deviations of the stamps that a delay must exceed
+MOVING: Final = 0.25  # share of the usual speed below which a robot stands
 MIN_SHOWN: Final = 20  # drives or turns whose median an observed run uses
 NEAR_MIDDLE: Final = 0.25  # cells; to the middle of an edge, for a pair of messages to count there
 
@@ -144,8 +145,15 @@ class Drives(NamedTuple):
 
 
 def drives_of(track: RobotTracks, cells_per_second: Array, keeps: Array) -> Drives:
-    """The drives; `cells_per_second`, `keeps`: (n,) usual speed, and whether something keeps a robot."""
-    moving = np.flatnonzero(track.driving & track.on_floor)
+    """The drives; `cells_per_second`, `keeps`: (n,) usual speed, and whether something keeps a robot.
+
+    Some logs call a robot that turns driving, so one that stands before and after a message does not.
+    """
+    expected = MOVING * cells_per_second * track.elapsed
+    moves = np.hypot(*np.nan_to_num(track.step)) >= np.minimum(expected, STILL)
+    moves |= ~track.usable
+    in_motion = track.driving & (moves | np.append(True, moves[:-1]))
+    moving = np.flatnonzero(in_motion & track.on_floor)
     first, last = moving[:-1], moving[1:]
     broken = np.cumsum(np.append(0, ~track.usable[:-1]))
     busy = np.cumsum(np.append(0, keeps))

@@ -30,7 +30,6 @@ MIN_DELAYS: Final = 400
 MIN_BREAKDOWNS: Final = 10
 MIN_BATTERY_S: Final = 7200.0  # of a robot
 HOUR: Final = 3600.0
-Z_95: Final = 1.96  # standard errors to the ends of a 95 % interval
 OPERATIONS: Final = {"pick": "pick", "drop": "drop", "handling": "serve"}  # action types of a log
 
 
@@ -68,7 +67,7 @@ class SiteFits(NamedTuple):
     delays: motion_fits.DelayFit | None
     repair: duration_fits.DurationFit | None
     towed: bool
-    charging: tuple[tuple[float, float], ...]  # from percent, percent per second
+    charging: tuple[battery_fits.ChargeStep, ...]
     slow: list[motion_fits.SlowStretch]
 
     @property
@@ -133,7 +132,10 @@ class Fitting:
     def error(self, name: str) -> float:
         """The largest relative standard error of a duration, of all types."""
         fits = [one.fit for key, one in self.estimates.items() if key.endswith(f"durations.{name}")]
-        return max(((fit.high - fit.low) / (2 * Z_95 * fit.value) for fit in fits), default=0.0)
+        return max(
+            ((fit.high - fit.low) / (2 * battery_fits.Z_95 * fit.value) for fit in fits),
+            default=0.0,
+        )
 
     def operations(self, chosen: Array) -> duration_fits.Censored:
         """The operations of some messages."""
@@ -333,7 +335,7 @@ def _fit_breakdowns(fitting: Fitting) -> tuple[duration_fits.DurationFit | None,
     return fit, breakdowns.towed > 0
 
 
-def _fit_battery(fitting: Fitting, turns: Array) -> tuple[tuple[float, float], ...]:
+def _fit_battery(fitting: Fitting, turns: Array) -> tuple[battery_fits.ChargeStep, ...]:
     """Fit energy use; return the steps of the charging rate."""
     track, samples = fitting.track, fitting.log.samples
     charge = samples.charge
@@ -342,7 +344,8 @@ def _fit_battery(fitting: Fitting, turns: Array) -> tuple[tuple[float, float], .
         return ()
     logged = float(np.median(np.bincount(samples.robot, track.elapsed * track.usable)))
     if logged < MIN_BATTERY_S:
-        fitting.unsaid.append(f"battery: {logged / HOUR:.2g} h of at least 2 h a robot")
+        hours = math.floor(100 * logged / HOUR) / 100
+        fitting.unsaid.append(f"battery: {hours:g} h of at least 2 h a robot")
         return ()
     kind, seconds = fitting.kind, {name: fitting.seconds(name) for name in ("pick", "drop")}
     own = {name: one[kind] for name, one in seconds.items()}
@@ -360,7 +363,7 @@ def _fit_battery(fitting: Fitting, turns: Array) -> tuple[tuple[float, float], .
         key = f"battery.drain.{name}"
         if not fitting.is_long_enough(key, shortest.get(name, math.inf)):
             continue
-        if fit is not None and fit.width(name) > battery_fits.MAX_INTERVAL:
+        if drain.high - drain.low > battery_fits.MAX_INTERVAL * drain.value:
             low, high = drain.low * HOUR, drain.high * HOUR
             text = f"{key}: {low:.3g} to {high:.3g} %/h, not separable from other states"
             fitting.unsaid.append(text)

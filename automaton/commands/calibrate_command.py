@@ -32,7 +32,12 @@ from automaton.commands.arguments import (
     show_line,
     whole,
 )
-from automaton.commands.demand_mode import add_orders_arguments, fit_orders, order_columns
+from automaton.commands.demand_mode import (
+    add_orders_arguments,
+    fit_orders,
+    order_columns,
+    refuse_alone,
+)
 from automaton.commands.log_command import add_columns_argument, named
 from automaton.errors import InputError, alternatives
 from automaton.units import count, exact_time
@@ -43,6 +48,9 @@ if TYPE_CHECKING:
 
 ARRIVALS: Final = "orders.arrivals"
 TUNING_BUDGET: Final = 500  # runs
+PAIRS: Final = 20
+SLOW_PERCENT: Final = 5
+SHORTEST_DELAY: Final = Fraction(1)  # seconds
 
 
 def pairs(text: str) -> int:
@@ -86,15 +94,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     text = "count stops and slow drives from this length on as delays (default: 1 s)"
     delay = measured("a time", "2 s", exact_time)
-    add("--shortest-delay", type=delay, default=Fraction(1), metavar="TIME", help=text)
+    add("--shortest-delay", type=delay, metavar="TIME", help=text)
     text = "list stretches and robots slower than usual by more than PERCENT (default: 5)"
     slow = whole("a percentage", 1, 90)
-    add("--slow-stretch", type=slow, default=5, metavar="PERCENT", help=text)
+    add("--slow-stretch", type=slow, metavar="PERCENT", help=text)
     text = (
         "compare fitted and empirical handling times, and a finer tick, in N pairs of runs (default: "
         "20; 0: no runs)"
     )
-    add("--pairs", type=pairs, default=20, metavar="N", help=text)
+    add("--pairs", type=pairs, metavar="N", help=text)
     text = (
         "tune at most two numbers, so that throughput and lead time of the days of the logs agree with "
         "the site; then compare needs other days"
@@ -102,9 +110,19 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("--tune", type=keys, default=[], metavar="KEY[,KEY]", help=text)
     text = f"with --tune: make at most RUNS runs (default: {TUNING_BUDGET})"
     whole_runs = whole("a number of runs", 1)
-    add("--budget", type=whole_runs, default=TUNING_BUDGET, metavar="RUNS", help=text)
+    add("--budget", type=whole_runs, metavar="RUNS", help=text)
     add_workers_argument(parser)
     add_output_arguments(parser, "--report")
+
+
+def of_logs(args: argparse.Namespace) -> dict[str, object]:
+    """The options that only a LOG needs, if they are there."""
+    return {
+        **{"--floor": args.floor, "--set": args.settings, "--column": args.columns},
+        **{"--action": args.actions, "--tune": args.tune, "--budget": args.budget},
+        **{"--shortest-delay": args.shortest_delay, "--slow-stretch": args.slow_stretch},
+        "--pairs": args.pairs is not None,
+    }
 
 
 def run(args: argparse.Namespace) -> int:
@@ -112,17 +130,69 @@ def run(args: argparse.Namespace) -> int:
     if not args.logs:
         if args.orders is None:
             raise InputError("calibrate needs a LOG, or --orders FILE")
-        named = {"--floor": args.floor, "--set": args.settings, "--tune": args.tune}
-        for name, value in named.items():
-            if value:
-                raise InputError(f"{name} needs a LOG: without one, only demand is fitted")
+        refuse_alone(of_logs(args), "a LOG")
         return fit_orders(args)
     if args.floor is None:
         raise InputError("a log needs --floor SCENARIO, whose floor the robots drive on")
+    if not args.tune:
+        refuse_alone({"--budget": args.budget}, "--tune KEY")
+    order_columns(args)
     check_scipy()
     output = output_of(args, "--report")
     check_writable(args.out)
-    from automaton.calibration.fitted_settings import settings_text
+    fitted = fitted_logs(args)
+    with atomic_writer(args.out) as file:
+        file.write(fitted.text(args).encode())
+    note(f"wrote {args.out}; use it with --set @{args.out}")
+    output.write(lambda: fitted.document(args), lambda: fitted.record(args))
+    return 0
+
+
+class FittedLogs(NamedTuple):
+    """What was fitted to logs."""
+
+    log: Any  # automaton.calibration.state_log.StateLog
+    fits: Any  # automaton.calibration.site_fits.SiteFits
+    demand: WeeklyDemand | None
+    model: FittedModel
+    tuning: Tuning | None
+
+    def text(self, args: argparse.Namespace) -> str:
+        """The file of settings."""
+        from automaton.calibration.fitted_settings import settings_text
+
+        text = settings_text(self.model.settings, self.fits, ", ".join(map(str, args.logs)))
+        return text if self.tuning is None else f"# Note: {self.model.remarks[-1]}.\n{text}"
+
+    def document(self, args: argparse.Namespace) -> Any:
+        """The report."""
+        from automaton.calibration.fit_report import fit_document
+
+        head = args.floor, str(args.out), self.log.counts.sentences()
+        out = fit_document(self.fits, self.model.remarks, *head)
+        if self.tuning is not None:
+            from automaton.calibration.output_tuning import tuning_blocks
+
+            out.add(*tuning_blocks(self.tuning))
+        if ARRIVALS in self.fits.estimates and self.demand is not None:
+            from automaton.calibration.demand_report import demand_blocks
+
+            out.add(*demand_blocks(self.demand))
+        return out
+
+    def record(self, args: argparse.Namespace) -> dict[str, Any]:
+        """The report as one object."""
+        from automaton.calibration.fit_report import fit_record
+        from automaton.calibration.output_tuning import tuning_record
+
+        tuned = None if self.tuning is None else tuning_record(self.tuning)
+        head = args.floor, str(args.out), self.log.counts.sentences()
+        record = fit_record(self.fits, self.model.settings, self.model.remarks, *head)
+        return {**record, "tuned": tuned}
+
+
+def fitted_logs(args: argparse.Namespace) -> FittedLogs:
+    """Read the logs, fit them, and tune. Raises InputError."""
     from automaton.calibration.site_fits import OPERATIONS, Thresholds, fit_site
     from automaton.calibration.state_log import read_log
     from automaton.world.resolve import resolve
@@ -136,7 +206,8 @@ def run(args: argparse.Namespace) -> int:
 
         tuned_numbers(args.tune, written_data(args))  # a wrong key, before all the work
     log = read_log(args.logs, dict(args.columns))
-    thresholds = Thresholds(args.slow_stretch / 100, float(args.shortest_delay))
+    slow, shortest = args.slow_stretch or SLOW_PERCENT, args.shortest_delay or SHORTEST_DELAY
+    thresholds = Thresholds(slow / 100, float(shortest))
     try:
         fits = fit_site(log, base, {**OPERATIONS, **actions}, thresholds)
     except InputError as error:
@@ -144,35 +215,7 @@ def run(args: argparse.Namespace) -> int:
     demand = demand_of_site(args, log, base)
     model = fitted_model(args, fits, demand)
     tuning = tuned_model(args, fits, model) if args.tune else None
-    text = settings_text(model.settings, fits, ", ".join(map(str, args.logs)))
-    text = text if tuning is None else f"# Note: {model.remarks[-1]}.\n{text}"
-    with atomic_writer(args.out) as file:
-        file.write(text.encode())
-    note(f"wrote {args.out}; use it with --set @{args.out}")
-    from automaton.calibration.fit_report import fit_document, fit_record
-
-    head = args.floor, str(args.out), log.counts.sentences()
-
-    def document() -> Any:
-        out = fit_document(fits, model.remarks, *head)
-        if tuning is not None:
-            from automaton.calibration.output_tuning import tuning_blocks
-
-            out.add(*tuning_blocks(tuning))
-        if ARRIVALS in fits.estimates and demand is not None:
-            from automaton.calibration.demand_report import demand_blocks
-
-            out.add(*demand_blocks(demand))
-        return out
-
-    def record() -> dict[str, Any]:
-        from automaton.calibration.output_tuning import tuning_record
-
-        tuned = None if tuning is None else tuning_record(tuning)
-        return {**fit_record(fits, model.settings, model.remarks, *head), "tuned": tuned}
-
-    output.write(document, record)
-    return 0
+    return FittedLogs(log, fits, demand, model, tuning)
 
 
 def tuned_model(args: argparse.Namespace, fits: Any, model: FittedModel) -> Tuning:
@@ -191,14 +234,14 @@ def tuned_model(args: argparse.Namespace, fits: Any, model: FittedModel) -> Tuni
     columns = dict(args.columns), order_columns(args), args.order_time
     site = ComparedSite(args.floor, settings, None, base, *columns, {})
     days = [day for log in args.logs for day in read_days(site, log, args.orders)]
-    done = 0
+    done, budget = 0, args.budget or TUNING_BUDGET
 
     def on_done(more: int) -> None:
         nonlocal done
         done += more
-        show_line(f"tuning: {done:,} of at most {args.budget:,} runs")
+        show_line(f"tuning: {done:,} of at most {budget:,} runs")
 
-    tuning = output_tuning.tune_outputs(site, days, numbers, args.budget, args.workers, on_done)
+    tuning = output_tuning.tune_outputs(site, days, numbers, budget, args.workers, on_done)
     show_line("")
     if args.orders is None:
         tuning.doubts.append(
@@ -253,7 +296,7 @@ def add_arrivals(
     settings: dict[str, Any],
 ) -> Iterator[str]:
     """Add the demand to the fits and the settings, or to what cannot be said; yield remarks."""
-    from automaton.calibration.demand_report import poisson_verdict
+    from automaton.calibration.demand_report import poisson_verdict, rate_words
     from automaton.calibration.fitted_settings import arguments_of
     from automaton.calibration.site_fits import Estimate, FittedValue
     from automaton.studies.inference.intervals import mean_interval
@@ -279,7 +322,8 @@ def add_arrivals(
     low, high = (rate.value if end is None else end for end in (rate.low, rate.high))
     value = FittedValue(rate.value, low, high, rate.n)
     observed = f"{count(demand.total, 'order')}, {count(demand.days, 'day')}"
-    fits.estimates[ARRIVALS] = Estimate(ARRIVALS, "/h", None, value, observed, "mean of the weeks")
+    remark = f"mean of all hours of the week; {rate_words(demand)}"
+    fits.estimates[ARRIVALS] = Estimate(ARRIVALS, "/h", None, value, observed, remark)
     yield f"orders: would Poisson arrivals do? {poisson_verdict(demand)}"
 
 
@@ -339,7 +383,7 @@ def fitted_model(args: argparse.Namespace, fits: Any, demand: WeeklyDemand | Non
             remarks.append(
                 f"the tick is {tick:g} s: the largest that converts all times within 2 %"
             )
-    if args.pairs:
+    if args.pairs != 0:
         remarks += list(compare_models(args, fits, data, settings))
     return FittedModel(settings, remarks)
 
@@ -376,7 +420,7 @@ def compare_models(
             resolve(args.floor, [*args.settings, *arguments_of(values), *own])
             for values, own in ((first, ()), (second, more))
         ]
-        changes = compare_pairs(models[0], models[1], args.pairs, args.workers, on_done)
+        changes = compare_pairs(models[0], models[1], args.pairs or PAIRS, args.workers, on_done)
         words = ", ".join(f"{name.replace('_', ' ')} {change}" for name, change in changes.items())
         return any(change.matters for change in changes.values()), words or "nothing to compare"
 

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import argparse
 import itertools
+from collections.abc import Mapping
 from pathlib import Path
 
 from automaton.atomic_write import atomic_writer
@@ -42,6 +43,9 @@ def order_columns(
 ) -> dict[str, str] | None:
     """The names of columns by field; None: columns have the names of fields. Raises InputError."""
     columns = {}
+    options = {"--order-column": args.order_columns, "--order-time": args.order_time}
+    if not args.orders:
+        refuse_alone(options, "--orders FILE")
     for text in args.order_columns:
         field, sign, name = text.partition("=")
         if field not in fields or not sign or not name:
@@ -52,6 +56,13 @@ def order_columns(
             )
         columns[field] = name
     return columns or None
+
+
+def refuse_alone(options: Mapping[str, object], needed: str) -> None:
+    """Refuse options that do nothing without another argument. Raises InputError."""
+    for name, value in options.items():
+        if value:
+            raise InputError(f"{name} does nothing without {needed}")
 
 
 def fit_orders(args: argparse.Namespace) -> int:

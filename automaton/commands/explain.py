@@ -122,12 +122,14 @@ def due_lines(snapshot: Snapshot, robot: int, scale: Scale) -> list[str]:
 
 
 def lost_by_cause(snapshot: Snapshot, robot: int) -> list[tuple[int, int]]:
-    """(cause, ticks lost to it so far), largest first."""
-    from automaton.engine.observation import CAUSE_NOT_WAITING
+    """(cause, ticks lost to it so far), largest first; time without an order is not lost but idle."""
+    from automaton.engine.observation import CAUSE_NO_ORDER, CAUSE_NOT_WAITING
 
     lost = snapshot.robots.lost[robot].tolist()
     found = [
-        (cause, ticks) for cause, ticks in enumerate(lost) if ticks and cause != CAUSE_NOT_WAITING
+        (cause, ticks)
+        for cause, ticks in enumerate(lost)
+        if ticks and cause not in (CAUSE_NOT_WAITING, CAUSE_NO_ORDER)
     ]
     return sorted(found, key=lambda pair: -pair[1])
 

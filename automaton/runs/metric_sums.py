@@ -18,7 +18,7 @@ from automaton.engine.state import BATTERY_FULL
 # Robot time lost in traffic: to other robots, to closed ways, and to right of way.
 TRAFFIC_SUMS: Final = (
     *("lost_waiting", "lost_refused", "lost_retreating", "lost_leaving_bay", "lost_held_back"),
-    *("lost_at_gates", "lost_following", "lost_making_way", "lost_standing"),
+    *("lost_at_gates", "lost_following", "lost_making_way"),
 )
 LOST_TICK_SUMS: Final = (
     *TRAFFIC_SUMS,
@@ -40,7 +40,7 @@ SUMS: Final = (
     *("ticks", "robot_ticks"),
     *("operations", "moves", "empty_moves", "empty_driving", "empty_driving_ticks", "active"),
     *("engaged", "on_orders", "driving_to_chargers", "driving_aside"),
-    *(name for name in LOST_TICK_SUMS if name != "lost_standing"),  # of observed runs only
+    *LOST_TICK_SUMS,
     *("deadlocks", "deadlock_time"),
     *("retreats", "illegal_answers", "slowdown_ticks", "distance"),
     *("charge", "charging", "battery_depletions", "repaired", "breakdowns", "towed", "downtime"),

@@ -208,7 +208,8 @@ def counted(run: Measured) -> Counted:
         "deadlocks": int(world.deadlocks.count.total),
         "deadlock_time": int(world.deadlocks.count.robot_ticks),
     }
-    _name_lost_ticks(run, sums)
+    for name in _not_lost(world):
+        del sums[name]
     sums |= {
         "retreats": int(times[ACTION_RETREAT].sum()),
         "illegal_answers": int(tally.illegal.sum()),
@@ -298,7 +299,15 @@ def metrics_of(run: Measured, since: Counted | None = None) -> dict[str, float |
         value = metric(name, sums)
         if value is not None:
             figures[name] = value
-    return {name: figures[name] for name in (*METRIC_CATALOGUE, *others) if name in figures}
+    listed = (name for name in (*METRIC_CATALOGUE, *others) if name in figures)
+    return named_for(run, {name: figures[name] for name in listed})
+
+
+def named_for(run: Measured, figures: dict[str, Any]) -> dict[str, Any]:
+    """Figures by the names of metrics; why robots of an observed run stand is not known."""
+    if run.resolved.observed and "lost_refused" in figures:
+        figures["lost_standing"] = figures.pop("lost_refused")
+    return figures
 
 
 def _of_stretch(robots: int, ticks: int) -> dict[str, int]:
@@ -360,24 +369,16 @@ def may_slow(world: World) -> bool:
     return bool(slows or world.tally.slowdown_ticks.any())
 
 
-def _name_lost_ticks(run: Measured, figures: dict[str, Any]) -> None:
-    """Delete the metrics of lost ticks that do not apply to a run; why robots of an observed run stand
-    is not known."""
-    world, is_observed = run.world, run.resolved.observed
-    if is_observed:
-        figures["lost_standing"] = figures["lost_refused"]
+def _not_lost(world: World) -> list[str]:
+    """The metrics of lost ticks that do not apply to a run."""
     absent = {
-        "lost_standing": not is_observed,
-        "lost_refused": is_observed,
         "lost_charger_queue": not world.rules.battery,
         "lost_station_queue": not (has_lines(world) or _has_queues(world)),
         "lost_held_back": not world.rules.steered[0],
         "lost_at_gates": not len(world.gates.kind),
         "lost_following": not _follows(world),
     }
-    for name, is_absent in absent.items():
-        if is_absent:
-            del figures[name]
+    return [name for name, is_absent in absent.items() if is_absent]
 
 
 def _has_queues(world: World) -> bool:
@@ -403,7 +404,7 @@ def uses_of_run(run: Measured) -> dict[str, int]:
     uses |= {name: now.sums[name] for name in ("driving_to_chargers", "driving_aside")}
     uses |= {"down": int(now.actions[ACTION_DOWN]), "delayed": int(now.actions[ACTION_DELAYED])}
     uses["idle"] = now.tick * len(world.robots.cell) - sum(uses.values())
-    return uses
+    return named_for(run, uses)
 
 
 def scaled(parts: Sequence[int], total: int) -> list[int]:
@@ -429,7 +430,9 @@ def metrics_by_robot(run: Measured) -> list[dict[str, Any]]:
     for identity, i in enumerate(world.robots.at_index):
         figures = _shares(world.tally.operations[i], ticks[i], Uses(*(use[i] for use in uses)))
         on_orders = figures.pop("on_orders")
-        _name_lost_ticks(run, figures)
+        for name in _not_lost(world):
+            del figures[name]
+        figures = named_for(run, figures)
         actions = {
             ACTION_NAMES[a] + "s": int(world.tally.operations[i, a].sum())
             for a in OPERATION_STATES
@@ -509,7 +512,6 @@ def _of_actions(times: Array, ticks: Array, uses: Uses) -> dict[str, int]:
         **lost,
         "lost_charger_queue": int(uses.to_charger[LOST_TO_CHARGERS].sum()),
         "lost_making_way": int(uses.making_way),
-        "lost_standing": 0,
     }
 
 

@@ -110,7 +110,7 @@ def headline_table(resolved: Resolved, outcome: Outcome, tick: Unit) -> Table:
         rows += [["late", percent(metrics["late_share"])]]
     rows += [["utilization", f"{percent(metrics['utilization'])} of robot time spent on orders"]]
     total = max(sum(outcome.uses.values()), 1)
-    traffic = sum(outcome.uses.get(name, 0) for name in TRAFFIC_SUMS)
+    traffic = sum(outcome.uses.get(name, 0) for name in (*TRAFFIC_SUMS, "lost_standing"))
     rows += [["lost in traffic", f"{percent(traffic / total)} of robot time"]]
     rows += (
         [["stranded", f"{count(int(n), 'time')} without charge"]]

@@ -108,6 +108,18 @@ def fits_of(log: StateLog) -> SiteFits:
     return fit_site(log, resolve(SCENARIO))
 
 
+def test_a_turn_counts_where_a_log_calls_it_driving() -> None:
+    """Ten cells east at 1 m/s, a turn of 2.5 s that shows at half of it, two cells south; 60 times."""
+    lap = np.arange(0, 14.5, 0.5)
+    x = 0.5 + np.minimum(lap, 10)
+    y = 2.5 - np.clip(lap - 12.5, 0, 2)
+    times = np.concatenate([lap + 60 * k for k in range(60)])
+    heading, rest = np.where(lap < 11.25, 0, 1), np.zeros(len(times))
+    log = log_of(times, np.tile(x, 60), np.tile(heading, 60), rest, rest, rest == 0, rest, rest)
+    log = log._replace(samples=log.samples._replace(y=np.tile(y, 60)))
+    assert fits_of(log).estimates["durations.turn"].fit.value == pytest.approx(2.5, abs=0.1)
+
+
 def test_a_robot_is_not_ahead_of_itself() -> None:
     log = lane_log(0.1, 1.0)
     shift = np.random.default_rng(3).integers(-450, 450, len(log.samples.time))
@@ -260,7 +272,8 @@ def test_charging_slows_down_where_the_log_shows_it() -> None:
     lane = resolve(SCENARIO)
     track = placed(log, lane.floor_plan, lane.scenario.units)
     (_, fast), (start, slow) = fit_charging(track)
-    assert (fast, slow, start) == pytest.approx((0.01, 1 / 300, 80), rel=0.02)
+    assert (fast.value, slow.value, start) == pytest.approx((0.01, 1 / 300, 80), rel=0.02)
+    assert fast.low <= 0.01 <= fast.high < 0.0102
 
 
 def test_names_of_robots_that_are_numbers_tell_their_types() -> None:

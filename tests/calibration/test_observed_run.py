@@ -195,10 +195,10 @@ def test_the_time_of_the_robots_is_split_as_in_the_run_whatever_the_scenario_pla
             assert abs(ticks - shares[1][name]) <= 0.02 * 4 * 500, (name, shares)
 
 
-def message(second: float, robot: str, x: float, y: float, **more: Any) -> str:
+def message(second: float, robot: str, x: float, y: float, theta: float = 0.0, **more: Any) -> str:
     """A message at a second; cell (i, j) of a floor of three rows is at x i + 0.5, y 2.5 - j."""
     moment = datetime.datetime(2026, 3, 2, 6) + datetime.timedelta(seconds=second)
-    place = {"x": x, "y": y, "positionInitialized": True}
+    place = {"x": x, "y": y, "theta": theta, "positionInitialized": True}
     stamp = f"{moment.isoformat(timespec='milliseconds')}Z"
     base = {"timestamp": stamp, "serialNumber": robot, "driving": False, "agvPosition": place}
     return json.dumps(base | more)
@@ -269,6 +269,10 @@ def test_each_carry_of_a_load_without_an_order_is_an_order(
             "more than an observed run holds",
         ),
         ([message(0, "1", 250, 0.5)], "of the positions are not on the floor"),
+        (
+            [message(0, "1", 2.5, 0.5, theta=-90)],
+            "has theta up to 90; theta is in radians, so convert degrees",
+        ),
     ],
 )
 def test_a_log_that_does_not_fit_leaves_no_file(

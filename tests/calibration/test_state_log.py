@@ -181,7 +181,8 @@ def test_a_line_that_is_cut_short_is_the_last(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "columns", "sentence"),
     [
-        ("", {}, "there is no column 'robot'"),
+        ("", {}, "is empty"),
+        ("name: site\n", {}, ":1: is not a log: neither JSON objects nor a CSV file"),
         ('{"headerId": 1}\n', {}, "has no state message; line 1 is skipped: other message"),
         (
             "robot,time,x\n",
@@ -199,7 +200,7 @@ def test_a_line_that_is_cut_short_is_the_last(tmp_path: Path) -> None:
             {},
             "line 2 is skipped: time, position or charge unreadable",
         ),
-        ("\0\1\2" * 50, {}, "there is no column 'robot'"),
+        ("\0\1\2" * 50, {}, ":1: is not a log: neither JSON objects nor a CSV file"),
     ],
 )
 def test_a_file_that_is_no_log_is_refused(

@@ -32,7 +32,18 @@ MESSAGES = "robot,time,x,y\n" + "".join(f"0,{second},{second}.5,0.5\n" for secon
     [
         ("--out f.yaml", "calibrate needs a LOG, or --orders FILE"),
         ("{log} --out f.yaml", "a log needs --floor SCENARIO"),
-        ("{log} --orders {log} --floor goods-mini --out f.yaml", "no column for released"),
+        ("{log} --orders {log} --floor goods-mini --out f.yaml", "no column 'released'"),
+        (
+            "{log} --floor goods-mini --out f.yaml --budget 60",
+            "--budget does nothing without --tune",
+        ),
+        (
+            "{log} --floor goods-mini --out f.yaml --order-time %H",
+            "--order-time does nothing without --orders FILE",
+        ),
+        ("--orders {log} --out f.csv --column x=y", "--column does nothing without a LOG"),
+        ("--orders {log} --out f.csv --action pick=y", "--action does nothing without a LOG"),
+        ("--orders {log} --out f.csv --floor goods-mini", "--floor does nothing without a LOG"),
         (
             "{log} --floor goods-mini --out f.yaml --action lift=pick",
             "'lift' is not an operation; use pick, drop or handling",

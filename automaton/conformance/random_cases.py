@@ -147,10 +147,13 @@ def drawn_case(chance: Random, number: int, layer: str) -> Document:
 
 def strategies(chance: Random, has_battery: bool, may_have_zones: bool) -> dict[str, str]:
     """A strategy for each layer."""
-    drawn = {layer: chance.choice(names_in_random_cases(layer)) for layer in plain_strategies()}
+    plain = plain_strategies()
+    names = {layer: names_in_random_cases(layer) for layer in plain}
+    names["right_of_way"].append(plain["right_of_way"])  # twice: robots that only wait get stuck
+    drawn = {layer: chance.choice(some) for layer, some in names.items()}
     steers = declares("right_of_way", drawn["right_of_way"], STEERS)
     if steers and not declares("routing", drawn["routing"], TAKES_SHORTEST_ROUTES):
-        drawn["routing"] = plain_strategies()["routing"]
+        drawn["routing"] = plain["routing"]
     if not may_have_zones or chance.randrange(WITHOUT_ZONES + 1):
         drawn["zoning"] = NO_STRATEGY
     if not has_battery:

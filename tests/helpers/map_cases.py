@@ -47,7 +47,7 @@ def zooms(name: str, start: str, end: str) -> None:
     CHECKS[name] = action
 
 
-zooms("zoom_in", "1x1", "2x1")
+zooms("zoom_in", "1x1", "1.5x0.75")
 zooms("zoom_out", "1x1", "half")
 zooms("zoom_cell", "braille 1", "1x1")
 _zoom_cell_steps = CHECKS["zoom_cell"]

@@ -4,7 +4,7 @@
     eswn.E
 
 Where crossing streets are equally strong, cells show one and the other in turn, as on a chessboard.
-Where a character has many cells, it shows their mean.
+Where a character has many cells, it shows their mean; closed ways keep their head and colour.
 """
 
 from __future__ import annotations
@@ -59,10 +59,16 @@ def arrow_codes(
     is_odd = (rows + columns + top + left) % 2 == 1
     size = np.abs(arrows.pull)
     one_way = summed(size * arrows.one_way) > summed(size) / 2  # closed if most of the pull is
-    shown = directions_of(summed(arrows.pull) / many, one_way, is_odd)
+    pull = summed(arrows.pull) / many
+    # Closed ways of opposite directions cancel out: the block then shows its first ones.
+    first = (arrows.pull * arrows.one_way).reshape(*floor.looks.shape, 2)
+    first = first[top:bottom:down, left:right:across]
+    pull = np.where((np.abs(pull).max(-1) < LEAST_MEAN)[..., None] & one_way, first, pull)
+    shown = directions_of(pull, one_way, is_odd)
     kinds = np.array([glyphs.way, glyphs.one_way_head])
     signs = kinds[shown.one_way.astype(np.intp), shown.direction]
-    codes = step_code(np.maximum(shown.step, 0), signs)
+    step = np.where(shown.one_way, len(FACTORS) - 1, np.maximum(shown.step, 0))
+    codes = step_code(step, signs)
     if is_cell:
         return np.where(shown.step >= 0, codes, 0).astype(np.uint32)
     is_free = (driven > 0) & (driven == summed(np.ones_like(floor.drivable)))

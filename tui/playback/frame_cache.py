@@ -116,6 +116,7 @@ class Pictures:
             trails=playback.trails[side] if choice.trails and playback.trails else NO_CELLS,
             lines=choice.lines,
             marked=found if len(found) else differing(playback),
+            ghosts=ghosts_of(playback, side),
         )
 
     def take_zones(self, resolved: Resolved) -> bool:
@@ -237,6 +238,15 @@ def differing(playback: PlaybackState) -> NDArray[np.int32]:
     differs = one.cell[:both] != other.cell[:both]
     differs |= one.load[:both] != other.load[:both]
     return np.flatnonzero(differs).astype(np.int32)
+
+
+def ghosts_of(playback: PlaybackState, side: int) -> NDArray[np.int32]:
+    """The cells of robots in the other run that are not there in this one."""
+    if len(playback.snapshots) < 2:
+        return NO_CELLS
+    here, there = (playback.snapshots[one].robots.cell for one in (side, 1 - side))
+    both = min(len(here), len(there))
+    return there[:both][(here[:both] != there[:both]) & (there[:both] != NIL)]
 
 
 def _cursor(choice: Choice) -> int | None:

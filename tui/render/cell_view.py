@@ -68,6 +68,8 @@ def near_picture(scene: Scene, camera: Camera, glyphs: GlyphSet) -> Codes:
         draw_paths(canvas)
         draw_route(canvas)
         draw_claims(canvas)
+        index, _ = canvas.at(scene.ghosts)
+        draw_sign(canvas, index, styles.COLOUR_DIM, glyphs.ghost)
     if len(scene.zone_cells):
         canvas.set_background(canvas.at(scene.zone_cells)[0], styles.COLOUR_MARKED)
     if scene.snapshot is not None:

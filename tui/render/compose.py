@@ -235,10 +235,11 @@ class Dots:
 
 
 def draw_over(canvas: DotCanvas, scene: Scene) -> None:
-    """Draw trails, lines to goals, the route, robots and the cursor."""
+    """Draw trails, lines to goals, ghosts, the route, robots and the cursor."""
     if scene.snapshot is not None:
         canvas.draw(scene.trails.reshape(-1), styles.COLOUR_TRAIL)
         canvas.draw(goal_lines(scene)[0], styles.COLOUR_GOAL_LINE)
+        canvas.draw(scene.ghosts, styles.COLOUR_DIM)
         canvas.draw(np.asarray(scene.route, np.int32), styles.COLOUR_ROUTE)
         draw_robots(canvas, scene)
     if scene.cursor is not None:
@@ -346,6 +347,7 @@ def pixel_picture(scene: Scene, camera: Camera, glyphs: GlyphSet) -> Codes:
             canvas.paint(cells, styles.COLOUR_TURNTABLE)
         canvas.paint(scene.trails.reshape(-1), styles.COLOUR_TRAIL)
         canvas.paint(goal_lines(scene)[0], styles.COLOUR_GOAL_LINE)
+        canvas.paint(scene.ghosts, styles.COLOUR_DIM)
         canvas.paint(np.asarray(scene.route, np.int32), styles.COLOUR_ROUTE)
         draw_robot_pixels(canvas, scene)
     if scene.cursor is not None:

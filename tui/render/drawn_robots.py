@@ -170,10 +170,10 @@ def shape_glyphs(glyphs: GlyphSet) -> NDArray[np.uint32]:
 
 @lru_cache(maxsize=4)
 def number_glyphs(glyphs: GlyphSet, robots: int, width: int) -> NDArray[np.uint32]:
-    """(robots, width) the digits of each identity, then blanks."""
+    """(robots, width) the digits of each identity, then blanks; only blanks where it does not fit."""
     table = np.full((robots, width), glyphs.blank, np.uint32)
-    for identity in range(robots):
-        for column, digit in enumerate(str(identity)[:width]):
+    for identity in range(min(robots, 10**width)):
+        for column, digit in enumerate(str(identity)):
             table[identity, column] = glyphs.digits[int(digit)]
     return table
 
@@ -365,8 +365,10 @@ def draw_numbers(
     places: tuple[NDArray[np.intp], NDArray[np.intp]],
     colours: tuple[Colours, Colours],
 ) -> None:
-    """Write the numbers of robots, centred in their room, where they fit."""
+    """Write the numbers of robots, centred in their room, where they fit and leave a gap."""
     digits = len(str(max(fleet_size - 1, 0)))
+    if digits >= canvas.width:
+        return  # they would run into those of adjacent robots
     (starts, room), (upper, lower) = places, colours
     names = number_glyphs(canvas.glyphs, fleet_size, digits)[which]
     first = starts + (room - digits + 1) // 2

@@ -114,6 +114,8 @@ class Scene:
     marked: NDArray[np.int32] = field(default_factory=lambda: NO_CELLS)  # robots
     # Cells marked like a zone.
     marked_cells: NDArray[np.int32] = field(default_factory=lambda: NO_CELLS)
+    # Cells of robots that are elsewhere in the run beside this one.
+    ghosts: NDArray[np.int32] = field(default_factory=lambda: NO_CELLS)
     zone: int = NIL  # its cells are marked
     colouring: str = "state"  # a key of tui.render.drawn_robots.COLOURINGS
     trails: NDArray[np.int32] = field(default_factory=lambda: NO_CELLS)  # (n, k) cells, or NIL

@@ -100,6 +100,7 @@ class GlyphSet:
     loaded: Final = _shapes("▸▾◂▴", "}V{A")
     parked: Final = _shape("⊡", "B")
     idle: Final = _shape("⊚", "I")
+    ghost: Final = _shape("◌", "G")  # a robot of the run beside this one
     low: Final = _shapes("≻⋎≺⋏", "!!!!")  # with a nearly empty battery
     low_loaded: Final = _shapes("⍄⍌⍃⍓", "&&&&")
     charging: Final = _shape("⊞", "C")

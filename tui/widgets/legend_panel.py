@@ -286,7 +286,11 @@ def _overlays(scene: Scene, zoom: Zoom, glyphs: GlyphSet) -> list[LegendLine]:
             )
         )
     if len(scene.marked) or len(scene.marked_cells):
-        entries.append(LegendLine(bg(styles.COLOUR_MARKED), "found"))
+        entries.append(LegendLine(bg(styles.COLOUR_MARKED), "found, or differs from the other run"))
+    if len(scene.ghosts):
+        sign = glyphs.ghost if zoom.kind == "cells" else glyphs.braille[255]
+        ghost = int(code(style(styles.COLOUR_DIM, styles.COLOUR_FLOOR), sign))
+        entries.append(LegendLine((ghost,), "where a robot of the other run is"))
     return entries
 
 

@@ -224,3 +224,20 @@ def test_marks_stand_around_robots_and_never_replace_the_colour_of_their_state(z
         cell = codes[above : row + camera.zoom.height, column : column + camera.zoom.width]
         shown = {part(code) for code in cell.reshape(-1) for part in (fg, bg)}
         assert {colour, mark} <= shown
+
+
+@pytest.mark.parametrize("zoom", ["8x4", "4x2", "3x1.5", "1.5x0.75", *ALL])
+def test_a_robot_of_the_other_run_is_a_dim_ghost_beneath_robots(zoom: str):
+    floor_plan = open_floor(9, 9)
+    here, there = floor_plan.cell(2, 2), floor_plan.cell(6, 6)
+    scene = make_scene(floor_plan, {"cell": here})
+    after = scene.with_(ghosts=np.array([here, there], np.int32))
+    assert at(after, zoom, here) == at(scene, zoom, here)
+    assert fg(at(after, zoom, there)) == styles.COLOUR_DIM != fg(at(scene, zoom, there))
+
+
+def test_numbers_that_do_not_fit_are_left_out_and_not_cut():
+    floor_plan = open_floor(12, 10)
+    cells = [floor_plan.cell(x, y) for y in range(10) for x in range(12)]
+    codes, _ = composed(make_scene(floor_plan, *({"cell": cell} for cell in cells)), "3x1")
+    assert text(codes).split("\n")[8] == "▹96▹97▹98▹99▹  ▹  ▹  ▹  ▹  ▹  ▹  ▹"

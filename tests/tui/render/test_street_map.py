@@ -120,6 +120,10 @@ def test_zoomed_out_a_character_shows_the_mean_of_its_cells() -> None:
     assert picture(street_scene(weights.floor()), "braille 1") == ["⇢⇢.."]
     closed = floor_of("........\n" * 4, (Street(row=0, west="closed"),))
     assert picture(street_scene(closed), "braille 1") == ["↠↠↠↠"], "one row of four"
+    assert fg(at(street_scene(closed), "braille 1", closed.cell(0, 0))) == styles.COLOUR_LEVEL_4
+    turns = [Street(row=y, **{side: "closed"}) for y, side in enumerate(["west", "east"] * 2)]
+    (shown,) = picture(street_scene(floor_of("........\n" * 4, turns)), "braille 1")
+    assert shown[:3] == "↠↠↠", "they cancel out, and are closed all the same"
 
 
 def test_storage_has_no_arrows() -> None:

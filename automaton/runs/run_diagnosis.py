@@ -33,7 +33,6 @@ from automaton.runs.progress import (
     stuck_robots,
 )
 from automaton.runs.simulation import RECORD_TICKS, Simulation
-from automaton.scenario.schema import Faults
 from automaton.units import count, listed
 from automaton.vocabulary import CONDITION_WORDS
 
@@ -193,7 +192,7 @@ def permanent_deadlock(simulation: Simulation) -> int | None:
     if not inside.any() or int(world.tally.active.max()) > tick - starved_ticks(world):
         return None
     breaks = world.pod_stations.breaks
-    may_fail = scenario.battery is not None or scenario.faults != Faults()
+    may_fail = scenario.battery is not None or scenario.faults != type(scenario.faults)()
     may_open = len(world.gates.kind) > 0 or bool((breaks[:, 2] > tick).any())
     if may_fail or may_open or not asked_orders(world).is_known.all():
         return None

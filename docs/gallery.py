@@ -7,6 +7,7 @@ It runs each scenario to a tick, draws the floor, and writes `docs/gallery.md` w
 from __future__ import annotations
 
 import argparse
+import re
 import tempfile
 from pathlib import Path
 from typing import Final
@@ -28,6 +29,10 @@ MOMENTS: Final = {  # the tick of each picture
     "depots": 2000,
     "factory": 900,
     "warehouse-100": 400,
+}
+DRAWN_ON_PAGES: Final = {  # scenarios that tutorials contain: the page, and the tick of the picture
+    "my-floor": ("tutorials/your-own-floor.md", 60),
+    "my-warehouse": ("tutorials/your-own-warehouse.md", 120),
 }
 HEAD: Final = """<!-- Generated: `python docs/gallery.py` writes this page again. -->
 # Gallery
@@ -54,10 +59,32 @@ def recording(name: str, folder: Path) -> automaton.Recording:
     return automaton.Simulation(name).run(until=MOMENTS[name]).save(folder / f"{name}.rec")
 
 
+def on_page(name: str, folder: Path) -> Path:
+    """A scenario of a tutorial as a file."""
+    page, _ = DRAWN_ON_PAGES[name]
+    text = (DOCS / page).read_text(encoding="utf-8")
+    found = re.search(rf'```yaml title="{name}.yaml"\n(.*?)```', text, re.DOTALL)
+    assert found is not None, f"{page} has no {name}.yaml"
+    file = folder / f"{name}.yaml"
+    file.write_text(found[1], encoding="utf-8")
+    return file
+
+
+def draw_tutorials() -> None:
+    """Draw the scenarios that tutorials contain."""
+    for name, (_, tick) in DRAWN_ON_PAGES.items():
+        with tempfile.TemporaryDirectory() as folder:
+            file = on_page(name, Path(folder))
+            run = automaton.Simulation(str(file)).run(until=tick)
+            drawing = run.save(Path(folder) / f"{name}.rec").picture(at=tick)
+            (DOCS / "pictures" / f"{name}.svg").write_text(drawing.svg, encoding="utf-8")
+
+
 def make(films: Path | None) -> None:
     """Write the page and its pictures, and films into a folder."""
     (DOCS / PICTURES).mkdir(parents=True, exist_ok=True)
     (DOCS / "gallery.md").write_text(page(), encoding="utf-8")
+    draw_tutorials()
     for name in MOMENTS:
         with tempfile.TemporaryDirectory() as folder:
             recorded = recording(name, Path(folder))

@@ -26,6 +26,10 @@ settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "ci"))
 pytest.MonkeyPatch().setattr(first_compilation, "cores", lambda: 1)
 
 
+# The viewer starts with its own settings, not with those of the user who runs the tests.
+os.environ["XDG_CONFIG_HOME"] = os.devnull
+
+
 # Tests make objects by the million, and drop most of them at once.
 gc.set_threshold(50_000, 50, 1000)
 

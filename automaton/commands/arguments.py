@@ -6,7 +6,9 @@ import argparse
 import contextlib
 import json
 import os
+import shutil
 import sys
+import textwrap
 from collections.abc import Callable, Iterator
 from fractions import Fraction
 from pathlib import Path
@@ -249,6 +251,16 @@ def note(text: str) -> None:
     """Print a sentence on stderr."""
     sys.stdout.flush()  # keeps the order where both streams meet
     print(f"automaton: {text}", file=sys.stderr, flush=True)
+
+
+def say(text: str) -> None:
+    """Print a sentence; it wraps at blanks where the width of the terminal is known."""
+    if sys.stdout.isatty() or "COLUMNS" in os.environ:
+        columns = shutil.get_terminal_size().columns
+        text = textwrap.fill(
+            text, columns, subsequent_indent="  ", break_long_words=False, break_on_hyphens=False
+        )
+    print(text)
 
 
 def show_line(text: str | Callable[[], str]) -> None:

@@ -11,7 +11,7 @@ from fractions import Fraction
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
-from automaton.commands.arguments import add_recording_argument, frame_rate, tick, whole
+from automaton.commands.arguments import add_recording_argument, frame_rate, say, tick, whole
 from automaton.commands.watch import viewer
 from automaton.errors import InputError
 
@@ -41,6 +41,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("--to", type=tick, metavar="TICK", dest="last", help=text)
     text = "play F times as fast as 10 ticks per second (default: 1)"
     add("--speed", type=speed, metavar="F", help=text)
+    text = "slow down at the first delivery, the first wait cycle, the longest wait and the end, hurry "
+    text += "between them, and say so in captions (.gif, .mp4, .png)"
+    add("--story", action="store_true", help=text)
     text = "show at most N frames per second (default: 10 in a .cast, else 20)"
     add("--fps", type=frame_rate, metavar="N", help=text)
     add(
@@ -105,12 +108,13 @@ def run(args: argparse.Namespace) -> int:
     """Make the film, page or picture."""
     _check_together(args)
     if args.html is not None:
-        print(f"{args.html}: {_make_page(args)}")
+        say(f"{args.html}: {_make_page(args)}")
     elif args.picture is not None:
-        print(f"{args.picture}: {_make_picture(args)}")
+        say(f"{args.picture}: {_make_picture(args)}")
     elif args.out is not None and args.out.suffix.lower() in FILM_SUFFIXES:
-        print(f"{args.out}: {_make_pixel_film(args)}")
+        say(f"{args.out}: {_make_pixel_film(args)}")
     else:
+        _refuse({"--story": args.story or None}, "a .cast; use FILE.gif, FILE.mp4 or FILE.png")
         viewer("playback.film").make_film(_recordings(args), _screen_request(args), args.out)
     return 0
 
@@ -150,7 +154,7 @@ def _pixel_request(args: argparse.Namespace) -> PixelRequest:
     from automaton.films.pixel_film import PixelRequest
 
     return PixelRequest(
-        **_given(args, ("first", "last", "speed", "fps", "size", "follow", "theme"))
+        **_given(args, ("first", "last", "speed", "fps", "size", "follow", "theme", "story"))
     )
 
 
@@ -170,7 +174,7 @@ def _check_together(args: argparse.Namespace) -> None:
     if args.html is not None:
         _check_page(args)
     of_films = {"--out": args.out, "--from": args.first, "--to": args.last}
-    of_films |= {"--speed": args.speed, "--fps": args.fps}
+    of_films |= {"--story": args.story or None, "--speed": args.speed, "--fps": args.fps}
     given = [name for name, value in of_films.items() if value is not None]
     if args.picture is not None and given:
         raise InputError(f"{given[0]} is for films: it cannot be combined with --picture")
@@ -182,6 +186,7 @@ def _check_page(args: argparse.Namespace) -> None:
     if args.html.suffix not in (".html", ".htm"):
         raise InputError(f"{str(args.html)!r} is not a page: the name must end in .html")
     others = {
+        "--story": args.story or None,
         "--beside": args.beside,
         "--out": args.out,
         "--picture": args.picture,
@@ -192,6 +197,8 @@ def _check_page(args: argparse.Namespace) -> None:
 
 
 def _check_drawn(args: argparse.Namespace, path: Path) -> None:
+    if args.story:
+        _refuse({"--beside": args.beside}, "--story")
     others = "; use FILE.cast, or a picture FILE.svg or FILE.txt"
     _refuse(_of_screens(args), f"FILE{path.suffix.lower()}{others}")
 

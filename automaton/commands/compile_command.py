@@ -14,7 +14,7 @@ from dataclasses import replace
 
 import msgspec
 
-from automaton.commands.arguments import show_line
+from automaton.commands.arguments import say, show_line
 from automaton.commands.check import names_study
 from automaton.errors import InputError
 from automaton.scenario.schema import LAYER_NAMES, Measure
@@ -56,7 +56,7 @@ def run(args: argparse.Namespace) -> int:
         sum(name != lookup.NO_STRATEGY for _, name in used), "strategy", "strategies"
     )
     spent = f"{seconds_compiled():,.0f} s"
-    print(f"the world and {strategies}: compiled in {spent}, kept in {cache_root()}")
+    say(f"the world and {strategies}: compiled in {spent}, kept in {cache_root()}")
     return 0
 
 

@@ -16,7 +16,7 @@ from fractions import Fraction
 from pathlib import Path
 
 from automaton.atomic_write import atomic_writer, cannot_write_error
-from automaton.commands.arguments import add_settings_argument, measured
+from automaton.commands.arguments import add_settings_argument, measured, say
 from automaton.errors import InputError, alternatives, nearest
 from automaton.exchange.lif_export import LATEST_LIF as LATEST_LIF
 from automaton.exchange.lif_export import LIF_VERSIONS as LIF_VERSIONS
@@ -105,7 +105,7 @@ def export_output(file: Path, out: Path) -> int:
         raise error.at(str(file)) from None
     with atomic_writer(out) as stream:
         stream.write(msgspec.json.encode(output))
-    print(
+    say(
         f"{out}: {count(output['teamSize'], 'robot')}, {count(output['makespan'], 'tick')}, "
         f"{count(output['numTaskFinished'], 'task')} finished"
     )
@@ -127,7 +127,7 @@ def export_trace(
             size = write_trace(recording, stream, every, version, on_events)
     except InputError as error:
         raise error.at(str(file)) from None
-    print(
+    say(
         f"{out}: {count(size.robots, 'robot')}, {count(size.messages, 'message')} of VDA 5050 {version}"
     )
     return 0
@@ -150,9 +150,9 @@ def export_layout(file: Path, out: Path, version: str | None, settings: list[str
     with atomic_writer(out) as stream:
         stream.write(msgspec.json.format(msgspec.json.encode(lif.data), indent=1))
     size = f"{count(lif.nodes, 'node')}, {count(lif.edges, 'edge')}"
-    print(f"{out}: VDMA LIF {version}, {size}, cells of {scenario.units.cell}")
+    say(f"{out}: VDMA LIF {version}, {size}, cells of {scenario.units.cell}")
     if lif.lost:
-        print("left out: " + ", ".join(f"{name} {n:,}" for name, n in lif.lost.items()))
+        say("left out: " + ", ".join(f"{name} {n:,}" for name, n in lif.lost.items()))
     return 0
 
 

@@ -47,8 +47,8 @@ def add_display_arguments(parser: argparse.ArgumentParser) -> None:
     add = group.add_argument
     text = "allow no branches, and write no files to the current folder"
     add("--read-only", action="store_true", help=text)
-    text = "play F times as fast as 10 ticks per second (default: 1), or max"
-    add("--speed", type=speed, default=1.0, metavar="F", help=text)
+    text = "play F times as fast as 10 ticks per second (default: as last time, else 1), or max"
+    add("--speed", type=speed, metavar="F", help=text)
     add("--at", type=tick, metavar="TICK", help="start at this tick, paused")
     add("--paused", action="store_true", help="start paused")
     text = "draw at most N frames per second (default: 30)"
@@ -60,7 +60,7 @@ def add_display_arguments(parser: argparse.ArgumentParser) -> None:
     add("--ascii", action="store_true", help="draw the map with ASCII characters only")
     text = "set the color depth (default: auto)"
     add("--color", choices=("auto", "true", "256", "16", "none"), default="auto", help=text)
-    text = "set the colors (default: auto, as the background of the terminal)"
+    text = "set the colors (default: auto, as last chosen or as the background of the terminal)"
     add("--theme", choices=("auto", "dark", "light"), default="auto", help=text)
     add("--plain", action="store_true", help="print metrics as text, without a screen")
     group = parser.add_argument_group("sentences, for logs and screen readers")

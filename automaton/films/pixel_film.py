@@ -28,7 +28,13 @@ from automaton.drawings.looks import PALETTE, Theme, rgb
 from automaton.engine.state import NIL
 from automaton.errors import InputError
 from automaton.films.painter import Painter, check_size, layout_of, pillow
-from automaton.films.recorded_stretch import RecordedStretch, checked, checked_range, play_stretch
+from automaton.films.recorded_stretch import (
+    RecordedStretch,
+    checked,
+    checked_range,
+    play_stretch,
+    story_moments,
+)
 from automaton.recording.recording_reader import read_recording
 from automaton.units import count
 
@@ -37,6 +43,8 @@ if TYPE_CHECKING:
 
 FILM_TICKS_PER_S: Final = 10  # at speed x1, as in the viewer
 LAST_PAUSE: Final = 2  # seconds for which the last picture is shown
+SLOW_S: Final = 2  # seconds before and after a moment of a story
+FAST_S: Final = 4  # seconds between two of them
 DEFAULT_FPS: Final = 20
 MAX_FPS: Final = {".gif": 50, ".png": 100, ".mp4": 120}  # a GIF counts in hundredths of a second
 MAX_FRAMES: Final = 6_000
@@ -54,6 +62,7 @@ class PixelRequest:
     size: tuple[int, int] | None = None  # pixels; None: as large as the floor needs
     follow: int = NIL  # robot
     theme: Theme = "dark"
+    story: bool = False  # slow at the moments of a story, fast between them
 
     @property
     def rate(self) -> Fraction:
@@ -73,12 +82,39 @@ class PixelFilm:
         follows = request.follow != NIL
         layout = layout_of(stretch.floor.box, request.size, follows)
         self._painter = Painter(stretch.floor, layout, request.theme, request.follow)
+        self._moments = story_moments(stretch) if request.story else []
+        self._ticks = list(self._paced())
         self.width, self.height = layout.width, layout.height
 
     @property
     def frames(self) -> int:
         """Number of frames, including one for the last tick."""
-        return self._request.frames(self._stretch.last - self._stretch.first)
+        return len(self._ticks)
+
+    def _paced(self) -> Iterator[Fraction]:
+        """The tick of each frame."""
+        at, last = Fraction(self._stretch.first), Fraction(self._stretch.last)
+        rate = self._request.rate
+        width, most = SLOW_S * FILM_TICKS_PER_S * self._request.speed, FAST_S * self._request.fps
+        for moment in self._moments:
+            begin = min(max(at, moment.tick - width), last)
+            end = min(max(begin, moment.tick + width), last)
+            for to, step in ((begin, max(rate, (begin - at) / most)), (end, rate)):
+                while at < to:
+                    yield at
+                    at += step
+                at = to if step > rate else max(at, to)
+        while at < last:
+            yield at
+            at += rate
+        yield last
+
+    def _caption(self, tick: int) -> str:
+        """The line above a picture: the moment of the story that is near, or the run."""
+        width = SLOW_S * FILM_TICKS_PER_S * self._request.speed
+        near = [one for one in self._moments if abs(one.tick - tick) <= width]
+        nearest = min(near, key=lambda one: abs(one.tick - tick), default=None)
+        return self._stretch.title if nearest is None else nearest.caption
 
     def times(self) -> list[int]:
         """The time of each frame in hundredths of a second."""
@@ -87,13 +123,13 @@ class PixelFilm:
     def image(self, number: int) -> Image:
         """One frame."""
         stretch = self._stretch
-        tick = min(stretch.first + number * self._request.rate, Fraction(stretch.last))
+        tick = self._ticks[number]
         tick_shown, ticks = int(tick), stretch.last - stretch.first
         # The progress bar of a still shows the progress of the run.
         share = (tick - stretch.first) / ticks if ticks else tick / max(stretch.recorded, 1)
         words = stretch.time_words(tick_shown), stretch.fleet_words(tick_shown)
         moment = stretch.columns.moment_at(float(tick))
-        return self._painter.frame(moment, stretch.title, words, float(share))
+        return self._painter.frame(moment, self._caption(tick_shown), words, float(share))
 
     def images(self) -> Iterator[Image]:
         """All frames."""
@@ -157,7 +193,7 @@ def make_pixel_film(recordings: Sequence[Path], request: PixelRequest, out: Path
     if suffix == ".mp4":
         ffmpeg()
     first, last = checked_range(read_recording(recordings[0]), request.first, request.last)
-    if (frames := request.frames(last - first)) > MAX_FRAMES:
+    if not request.story and (frames := request.frames(last - first)) > MAX_FRAMES:
         raise InputError(
             f"{frames:,} frames are more than a film holds, {MAX_FRAMES:,}: "
             "--from, --to, --speed and --fps make it shorter"

@@ -7,7 +7,7 @@ import zlib
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -104,6 +104,44 @@ def play_stretch(
     title = title_of(resolved, recording.header["seed"], frames)
     shares = time_shares(uses_of_run(playback.simulation))
     return RecordedStretch(resolved, floor, columns, title, begin, end, recording.ticks, shares)
+
+
+# The moments of a story.
+
+
+CAPTIONED_WAIT: Final = 10  # ticks; shorter waits are left out
+
+
+class StoryMoment(NamedTuple):
+    """A moment at which a film slows down."""
+
+    tick: int
+    caption: str
+
+
+def story_moments(stretch: RecordedStretch) -> list[StoryMoment]:
+    """The first delivery, the first wait cycle, the longest wait and the end, by tick."""
+    columns, first = stretch.columns, stretch.first
+    delivered, circling, waited = (
+        *map(columns.of_fleet, ("delivered", "circling")),
+        columns.of_robots("waited"),
+    )
+    moments = []
+    if len(later := np.flatnonzero(delivered > delivered[0])):
+        moments.append(StoryMoment(first + int(later[0]), "the first delivery"))
+    if len(cycles := np.flatnonzero(circling)):
+        text = f"the first wait cycle: {circling[cycles[0]]} robots wait for each other"
+        moments.append(StoryMoment(first + int(cycles[0]), text))
+    robot, k = np.unravel_index(int(waited.argmax()), waited.shape)
+    if waited[robot, k] >= CAPTIONED_WAIT:
+        cause, blocker = (int(columns.of_robots(name)[robot, k]) for name in ("cause", "blocker"))
+        names = {"robot": f"robot {robot}", "cell": "the next cell"}
+        names["blocker"] = "another robot" if blocker == NIL else f"robot {blocker}"
+        why = CAUSES[cause].text.format(**names)
+        text = f"the longest wait, of robot {robot}, {count(int(waited[robot, k]), 'tick')}: {why}"
+        moments.append(StoryMoment(first + int(k), text))
+    end = f"the end: {int(delivered[-1]):,} of {columns.of_fleet('orders')[-1]:,} orders done"
+    return sorted([*moments, StoryMoment(stretch.last, end)])
 
 
 # Data of a film: columns of numbers by robot and tick, and the changes of cells.
@@ -257,7 +295,16 @@ class FilmColumns:
 
     def figure(self, name: str, tick: int) -> int:
         """The value of one of FIGURES at a tick."""
-        return int(self.figures[FIGURES.index(name), tick - self.first])
+        return int(self.of_fleet(name)[tick - self.first])
+
+    def of_fleet(self, name: str) -> Column:
+        """(T,) one of FIGURES."""
+        series: Column = self.figures[FIGURES.index(name)]
+        return series
+
+    def of_robots(self, name: str) -> Column:
+        """(n, T) one of BY_ROBOT."""
+        return self._by_robot[name]
 
     def places(self) -> tuple[Column, Column]:
         """(n, T) columns and rows of robots in parts of a cell; NIL: off the floor."""

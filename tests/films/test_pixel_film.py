@@ -17,7 +17,7 @@ from automaton.drawings.looks import STATE_COLOURS, rgb
 from automaton.errors import InputError
 from automaton.films import pixel_film
 from automaton.films.painter import MAP_MARGIN, TITLE_HEIGHT, layout_of
-from automaton.films.recorded_stretch import play_stretch
+from automaton.films.recorded_stretch import play_stretch, story_moments
 from automaton.recording.recorder import Recorder
 from automaton.recording.recording_reader import read_recording
 from automaton.runs.simulation import Simulation
@@ -105,6 +105,24 @@ def test_the_same_recording_gives_the_same_bytes(crossing: Path, tmp_path: Path)
         cast(crossing, "--out", tmp_path / name, "--to", 10, "--follow", 1)
         made.append((tmp_path / name).read_bytes())
     assert made[0] == made[1]
+
+
+def test_a_story_is_slow_at_its_moments_and_says_them(crossing: Path, tmp_path: Path) -> None:
+    stretch = play_stretch(read_recording(crossing), None, None)
+    film = pixel_film.PixelFilm(stretch, pixel_film.PixelRequest(story=True, fps=5))
+    moments = story_moments(stretch)
+    assert "the first delivery" in [one.caption for one in moments]
+    assert moments[-1] == (205, "the end: 16 of 16 orders done")
+    ticks = film._ticks
+    assert ticks == sorted(ticks) and ticks[0] == 0 and ticks[-1] == 205
+    for moment in moments:
+        near = [tick for tick in ticks if abs(tick - moment.tick) <= 2]
+        assert len(near) >= 1 + 2 * (moment.tick < 205)  # two ticks a frame
+        assert film._caption(moment.tick) in [one.caption for one in moments]
+    plain = pixel_film.PixelFilm(stretch, pixel_film.PixelRequest(fps=5))
+    assert film.frames <= plain.frames and plain._caption(0) == stretch.title
+    with pytest.raises(InputError, match=r"--story cannot be combined with a \.cast"):
+        cast(crossing, "--out", tmp_path / "a.cast", "--story")
 
 
 def test_between_two_ticks_a_robot_is_between_two_cells(crossing: Path) -> None:

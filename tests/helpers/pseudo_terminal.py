@@ -26,7 +26,12 @@ from tui.terminal.terminal_host import Resized, TerminalHost, TerminalLink
 # Sequences that pyte 0.8 prints as text: kitty's keyboard protocol and questions about modes.
 UNKNOWN_TO_PYTE = re.compile(r"\x1b\[(?:[<>=?][\d;]*u|\?[\d;]*\$p)")
 UNFINISHED = re.compile(r"\x1b(?:\[[\d;?<>=$]*)?\Z")
-TRUECOLOR = {"TERM": "xterm-256color", "COLORTERM": "truecolor", "LANG": "C.UTF-8"}
+TRUECOLOR = {
+    "TERM": "xterm-256color",
+    "COLORTERM": "truecolor",
+    "LANG": "C.UTF-8",
+    "XDG_CONFIG_HOME": "/dev/null",
+}
 FPS = 60  # of the app, at most
 MAP_APP = Path(__file__).with_name("map_app.py")
 

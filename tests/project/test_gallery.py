@@ -6,6 +6,7 @@ import importlib.util
 from pathlib import Path
 
 from automaton.scenario.text_files import shipped
+from automaton.world.resolve import resolve
 
 DOCS = Path(__file__).parents[2] / "docs"
 spec = importlib.util.spec_from_file_location("gallery", DOCS / "gallery.py")
@@ -22,3 +23,13 @@ def test_the_page_and_a_picture_are_up_to_date(tmp_path: Path) -> None:
     recorded = gallery.recording("tabletop-mini", tmp_path)
     drawing = recorded.picture(at=gallery.MOMENTS["tabletop-mini"]).svg
     assert drawing == (DOCS / gallery.PICTURES / "tabletop-mini.svg").read_text(encoding="utf-8")
+
+
+def test_tutorials_show_the_scenarios_that_they_contain(tmp_path: Path) -> None:
+    for name, (page, tick) in gallery.DRAWN_ON_PAGES.items():
+        resolve(str(gallery.on_page(name, tmp_path)))
+        text = (DOCS / page).read_text(encoding="utf-8")
+        assert f"![{name} at tick {tick}](../pictures/{name}.svg)" in text
+        assert (DOCS / "pictures" / f"{name}.svg").exists()
+    for page in (DOCS / "tutorials").glob("*.md"):
+        assert "\n![" in page.read_text(encoding="utf-8"), f"{page.name} has no picture"

@@ -287,7 +287,7 @@ def first_floor() -> float:
     with tempfile.TemporaryDirectory(prefix="automaton-bench-") as state:
         command = [sys.executable, "-m", "automaton", "watch", "tabletop-1", "--no-record"]
         environ = {**os.environ, "TERM": "xterm-256color", "COLORTERM": "truecolor"}
-        environ["XDG_STATE_HOME"] = state
+        environ["XDG_STATE_HOME"] = environ["XDG_CONFIG_HOME"] = state
         begun = time.monotonic()
         with TerminalHost(command, environ=environ) as host:
             seen: Callable[[], bool] = lambda: host.output().count(sign) >= count  # noqa: E731

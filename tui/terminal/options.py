@@ -1,13 +1,28 @@
-"""The viewer's command-line options, and what the environment says about the terminal."""
+"""The viewer's options: of the command line, of the user's file of settings, and of the terminal.
+
+The file is `viewer.toml` in the user's folder for settings. The viewer writes it when it ends:
+
+    theme = "light"     # as chosen with T
+    speed = 4           # or "max"
+    panels = "side"     # off, side or full
+    panel = "events"    # the open one
+"""
 
 from __future__ import annotations
 
 import argparse
+import contextlib
+import json
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields
-from typing import Final, Literal
+import tomllib
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, fields, replace
+from pathlib import Path
+from typing import Any, Final, Literal
 
+import platformdirs
+
+from automaton.errors import InputError, nearest
 from tui.render.styles import ASCII, DEPTHS, SHADED, UNICODE, Depth, GlyphSet, Theme
 
 Renderer = Literal["auto", "direct", "textual"]  # how maps reach the terminal
@@ -32,7 +47,7 @@ class Options:
     """How to show a run, live or recorded."""
 
     read_only: bool = False  # no branches, no files in the current folder
-    speed: float = 1.0
+    speed: float | None = None  # None: as the user left it
     at: int | None = None  # start at this tick, paused
     paused: bool = False
     fps: int = 30
@@ -42,6 +57,8 @@ class Options:
     theme: Theme | Literal["auto"] = "dark"  # auto: as the background of the terminal
     max_kbit: float | None = None
     plain: bool = False
+    panels: str = "side"  # at the start: off, side or full,
+    panel: str = ""  # and which one is open; "": the first
     describe: bool = False  # sentences instead of a screen,
     only: Sequence[str] = ()  # of these kinds; (): of all,
     sentences: int | None = None  # at most this number per stretch
@@ -49,7 +66,13 @@ class Options:
     @classmethod
     def of(cls, args: argparse.Namespace) -> Options:
         """The options of a parsed command line."""
-        return cls(**{field.name: getattr(args, field.name) for field in fields(cls)})
+        known = vars(args)
+        return cls(**{one.name: known[one.name] for one in fields(cls) if one.name in known})
+
+    @property
+    def first_speed(self) -> float:
+        """The speed at the start."""
+        return 1.0 if self.speed is None else self.speed
 
     @property
     def shown_theme(self) -> Theme:
@@ -74,6 +97,67 @@ class Options:
         depth = self.depth(environ)
         chosen = {"TEXTUAL_SMOOTH_SCROLL": "0", "TEXTUAL_COLOR_SYSTEM": COLOR_SYSTEMS[depth]}
         return {**chosen, "NO_COLOR": "1"} if depth == Depth.NONE else chosen
+
+
+# The file of settings.
+
+SETTINGS: Final[
+    dict[str, tuple[str, Callable[[Any], bool]]]
+] = {  # what a key may be, in words and as a test
+    "theme": ("dark or light", lambda value: value in ("dark", "light")),
+    "speed": ('a speed such as 2, or "max"', lambda value: value == "max" or value in SPEEDS),
+    "panels": ("off, side or full", lambda value: value in ("off", "side", "full")),
+    "panel": ("the name of a panel", lambda value: isinstance(value, str)),
+}
+
+
+def settings_path() -> Path:
+    """The file of the user's settings."""
+    return Path(platformdirs.user_config_dir("automaton")) / "viewer.toml"
+
+
+def read_settings(path: Path) -> dict[str, Any]:
+    """The user's settings; {} without a file. Raises InputError."""
+    try:
+        settings = tomllib.loads(path.read_text("utf-8"))
+    except (FileNotFoundError, NotADirectoryError):
+        return {}
+    except (OSError, ValueError) as error:
+        raise InputError(f"cannot be read: {error}; correct it or delete it", str(path)) from None
+    for key, value in settings.items():
+        if key not in SETTINGS:
+            raise InputError(f"unknown key '{key}'{nearest(key, SETTINGS)}", str(path))
+        words, fits = SETTINGS[key]
+        if not fits(value):
+            raise InputError(f"{key} must be {words}, not {value!r}", str(path))
+    return settings
+
+
+def with_settings(options: Options, settings: Mapping[str, Any]) -> Options:
+    """The options; what the command line leaves open is as in the settings."""
+    chosen = dict(settings)
+    if options.theme != "auto":
+        chosen.pop("theme", None)
+    if options.speed is not None:
+        chosen.pop("speed", None)
+    elif chosen.get("speed") == "max":
+        chosen["speed"] = math.inf
+    return replace(options, **chosen)
+
+
+def write_settings(path: Path, settings: Mapping[str, Any]) -> None:
+    """Write the user's settings; what cannot be written is forgotten."""
+    lines = ["# Written by the viewer of automaton when it ends; edit or delete it freely."]
+    for key, value in settings.items():
+        text = f"{value:g}" if isinstance(value, float) and math.isfinite(value) else value
+        lines.append(f"{key} = {text}" if text != value else f"{key} = {json.dumps(_named(value))}")
+    with contextlib.suppress(OSError):
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text("\n".join(lines) + "\n", "utf-8")
+
+
+def _named(value: Any) -> str:
+    return "max" if value == math.inf else str(value)
 
 
 def depth_of(environ: Mapping[str, str], option: str = "auto") -> Depth:

@@ -7,18 +7,20 @@ import threading
 from collections.abc import Iterable, Sequence
 from functools import partial
 from inspect import isawaitable
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from rich.segment import Segment
 from textual import events
 from textual.app import App, ComposeResult, SystemCommand
 from textual.binding import Binding
 from textual.color import Color
+from textual.command import DiscoveryHit, Hits
 from textual.containers import Container, Horizontal, Vertical
 from textual.filter import LineFilter
 from textual.notifications import SeverityLevel
 from textual.screen import Screen
 from textual.scrollbar import ScrollBar, ScrollBarRender
+from textual.system_commands import SystemCommandsProvider
 from textual.widget import Widget
 from textual.widgets import Static
 
@@ -57,6 +59,7 @@ class Viewer(App[None]):
     TITLE = "automaton"
     CSS_PATH = "viewer.tcss"
     ENABLE_COMMAND_PALETTE = True
+    COMMANDS: ClassVar = {lambda: InOrder}
     # Long messages appear over the map, so that status line and timeline stay readable.
     CSS = """
     ToastRack { dock: top; align: right top; }
@@ -168,6 +171,11 @@ class Viewer(App[None]):
             column = PanelColumn(self.session.glyphs, panel_widgets(), id="panels")
             self.main_display.column = column
             await self.query_one("#side").mount(column)
+            options = self.session.options
+            if options.panel in column.panels:
+                column.open(options.panel)
+            if options.panels != self.panels.shown:
+                self.panels.show(options.panels)
             if self.reloading is not None:
                 self.reloading.start()
             problems = (*layers().problems, *panels().problems, *column.problems)
@@ -180,6 +188,12 @@ class Viewer(App[None]):
                 await self.action_do(id)
 
     # Events from Textual.
+
+    async def on_event(self, event: events.Event) -> None:
+        """A key ends the message that was there when it was pressed."""
+        if isinstance(event, events.Key):
+            self.main_display.notices.end()
+        await super().on_event(event)
 
     def notify(
         self,
@@ -228,7 +242,7 @@ class Viewer(App[None]):
     def get_system_commands(self, screen: Screen[object]) -> Iterable[SystemCommand]:
         """The commands of the palette, without those that are impossible now."""
         keys = self._keys()
-        for action in VIEWER_ACTIONS:
+        for action in sorted(VIEWER_ACTIONS, key=lambda one: not one.shown):  # most used first
             if action.id not in COMPARING or self.session.opening.comparing:
                 named = " or ".join(key_text(key) for key in keys.get(action.id, ()))
                 told = f"{named}   {action.meaning}".strip()
@@ -374,6 +388,20 @@ class Viewer(App[None]):
     def action_interrupt(self) -> None:
         self.leave(INTERRUPTED)
 
+    def chosen_settings(self) -> dict[str, Any]:
+        """What the user has changed since the start, by the names of the file of settings."""
+        options, column = self.session.options, self.main_display.column
+        if column is None:
+            return {}
+        first = next(iter(column.panels), "")
+        chosen = {
+            "theme": (self.session.look.theme, options.shown_theme),
+            "speed": (self.session.speed, options.first_speed),
+            "panels": (self.panels.shown, options.panels),
+            "panel": (column.name_open, options.panel or first),
+        }
+        return {name: now for name, (now, before) in chosen.items() if now != before}
+
     def leave(self, code: int) -> None:
         """Exit with this code; signal handlers may call it, too."""
         if self.loop is None:
@@ -386,6 +414,14 @@ def _import_panels() -> None:
     from tui.widgets.panel_column import panel_widgets
 
     panel_widgets()
+
+
+class InOrder(SystemCommandsProvider):
+    """The commands of the palette in their own order."""
+
+    async def discover(self) -> Hits:
+        for label, meaning, command, _ in self.app.get_system_commands(self.screen):
+            yield DiscoveryHit(label, command, help=meaning)
 
 
 class TooSmall(Static):

@@ -15,7 +15,13 @@ from typing import Final
 
 from automaton.errors import InputError
 from tui.playback.run_source import Opening, comparing_command
-from tui.terminal.options import Options
+from tui.terminal.options import (
+    Options,
+    read_settings,
+    settings_path,
+    with_settings,
+    write_settings,
+)
 from tui.terminal.themes import asked_background, theme_of
 
 ENDING_SIGNALS: Final = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
@@ -26,7 +32,7 @@ BAD_INPUT = 2  # also for a failing strategy
 
 def pick_command(folder: Path) -> list[str] | None:
     """Let the user choose what to open; returns the command line, or None."""
-    options = fitting_terminal(Options(theme="auto"))
+    options = fitting_terminal(with_settings(Options(theme="auto"), read_settings(settings_path())))
     os.environ.update(options.for_textual(os.environ))
     forget_size(os.environ)
     draw_on_terminal()
@@ -57,7 +63,10 @@ def show(opening: Opening, options: Options) -> int:
         from tui.viewer.text_mode import run_in_text_mode
 
         return run_in_text_mode(opening)
-    options = fitting_terminal(options)
+    path, settings = settings_path(), {}
+    if not _in_browser():
+        settings = read_settings(path)
+    options = fitting_terminal(with_settings(options, settings))
     os.environ.update(options.for_textual(os.environ))
     if not _in_browser():
         forget_size(os.environ)
@@ -70,6 +79,8 @@ def show(opening: Opening, options: Options) -> int:
             viewer.run()
     finally:
         viewer.session.close()
+    if (chosen := viewer.chosen_settings()) and not _in_browser():
+        write_settings(path, {**settings, **chosen})
     session = viewer.session
     failed, error = session.error or session.broken, ""
     if session.playback is not None:

@@ -24,7 +24,7 @@ from automaton.engine.jit.compile_progress import COMPILING
 from automaton.engine.state import NIL
 from automaton.errors import InputError
 from automaton.history.divergence import Divergence, first_difference
-from automaton.units import percent, unit
+from automaton.units import unit
 from tui.playback.frame_cache import Pictures, robot_cell
 from tui.playback.run_source import Opening
 from tui.registration import failure, layer_named
@@ -43,12 +43,14 @@ from tui.widgets.status import (
     describe,
     end_words,
     fleet_words,
+    going_words,
     head_words,
     legend_words,
     link_words,
     long_tick_words,
     mode_word,
     scale_words,
+    stuck_words,
     time_words,
     word,
 )
@@ -99,11 +101,10 @@ class Session:
         self.player: Player | None = None
         self.playback: PlaybackState | None = None
         self.choice = Choice()
-        self.speed = options.speed
+        self.speed = options.first_speed
         self.live = opening.live  # also after a branch from a recording
         self.titles = list(opening.titles)
-        self.goal = options.at  # a requested tick, before which the run may end,
-        self.goal_from = 0  # and the tick at which it was requested
+        self.goal, self.goal_from = options.at, 0  # a requested tick, and where the way begins
         self.error = ""  # why there is no run
         self.broken = ""  # why two runs cannot be compared
         self.hovered = NIL  # the cell under the mouse
@@ -155,7 +156,7 @@ class Session:
         return not self._ended
 
     def _playing(self, player: Player) -> Player:
-        player.set_speed(self.options.speed)
+        player.set_speed(self.options.first_speed)
         if self.options.at is not None:
             player.seek(self.options.at)
         elif not self.options.paused:
@@ -515,7 +516,8 @@ class Display:
         marks += session.marks
         if session.divergence is not None and session.divergence.tick is not None:
             marks.append(Mark(session.divergence.tick, "difference"))
-        return Past(playback.tick, playback.head, playback.end, event_history.curve, tuple(marks))
+        series = event_history.curve, tuple(marks), session.runs[session.choice.side].lost.rows
+        return Past(playback.tick, playback.head, playback.end, *series)
 
     def _message(self) -> list[Word]:
         """The most important message now."""
@@ -529,14 +531,9 @@ class Display:
         if playback is not None and (compiling := COMPILING.now()):  # a branch may compile
             return [word(compiling.words, styles.COLOUR_CURSOR)]
         if playback is not None and playback.stuck is not None:
-            stuck = (
-                f"deadlock since tick {playback.stuck:,} can only repeat: d goes to its beginning"
-            )
-            return [word(stuck, styles.COLOUR_FAULT, "deadlock")]
+            return [word(stuck_words(playback.stuck), styles.COLOUR_FAULT, "deadlock")]
         if session.goal is not None and playback is not None and playback.tick < session.goal:
-            way = session.goal - session.goal_from
-            share = percent(max(0, playback.tick - session.goal_from) / way, 0)
-            going = f"going to {session.goal:,}: {share}, esc stops"
+            going = going_words(session.goal_from, playback.tick, session.goal)
             return [word(going, styles.COLOUR_CURSOR, "clear")]
         if session.player is not None and (slow := session.player.computing()):
             return [word(long_tick_words(*slow), styles.COLOUR_CURSOR)]
@@ -620,6 +617,13 @@ class Notices:
         """Show the whole error, with the strategy's file and line."""
         if self._session.playback is not None:
             self._toast(self._session.playback.failed, "error", FAILURE_S)
+
+    def end(self) -> None:
+        """End the message, unless it belongs to a layer."""
+        self._app.clear_notifications()
+        if self.notice is not None and self.notice.layer is None:
+            self.notice = None
+            self._refresh()
 
     def current(self) -> Word | None:
         """The message that is still due."""

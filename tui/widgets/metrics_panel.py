@@ -12,6 +12,9 @@ filled or a line, so that two curves differ by more than their colours.
 
 from __future__ import annotations
 
+import math
+import re
+import textwrap
 from collections.abc import Callable, Sequence
 from itertools import accumulate
 from typing import Final
@@ -64,12 +67,14 @@ from tui.widgets.zone_facts import partition_of, parts_finished, zone_link
 
 NAME_COLUMNS: Final = 13  # columns for the name of a metric
 VALUE_COLUMNS: Final = 5  # columns of a value, with one decimal
+USE_COLUMNS: Final = 15  # columns for the name of a use of time
 CAUSE: Final = 19  # columns for the name of a cause
 
 THROUGHPUT_UNIT: Final = "/1000 ticks"
 SHORT_UNIT: Final = "/kt"  # where there is little room
 
 CURVE_ROWS: Final = 3
+LEAD_ROWS: Final = 2
 MAX_SLOW_ZONES_LISTED: Final = 5
 PERIODS_SHOWN: Final = 6
 
@@ -85,7 +90,9 @@ class Figures(TextPanel):
     def panel_lines(self, view: View, width: int) -> list[Line]:
         if len(view.runs) > 1:
             throughput, waiting = self._curves(view, width)
-            lines = [*compared_lines(view, width, self.signs), (), *throughput, *waiting]
+            table = compared_lines(view, width, self.signs)
+            lead = lead_lines(view, width, self.signs)
+            lines = [*lead, *table, (), *throughput, *waiting]
             # Indented lines belong to the line before.
             self.ends = [at for at, one in enumerate(lines) if one and one[0].text[:1] != " "]
             return lines
@@ -230,11 +237,11 @@ class Figures(TextPanel):
 
     def _time(self, view: View, width: int) -> list[Line]:
         """Where the time of the robots went, as in reports."""
-        room = max(0, width - NAME_COLUMNS - 9)
+        room = max(0, width - USE_COLUMNS - 8)
         shares = time_shares(view.measured.uses)
         most = max((share for _, share, _ in shares), default=1)
         rows = [
-            line(f"{name:<{NAME_COLUMNS}} ", bar(share / most, room, self.signs), f"{text:>8}")
+            line(f"{name:<{USE_COLUMNS}}", bar(share / most, room, self.signs), f"{text:>8}")
             for name, share, _ in shares
             if (text := percent(share))
         ]
@@ -417,7 +424,10 @@ ONE_LINE: Final = 52  # columns that a metric needs for its name and values
 
 
 def compared_lines(view: View, width: int, signs: Signs) -> list[Line]:
-    """A table of all metrics, the most important first; in narrow panels two lines each."""
+    """A table of the metrics that are not 0 in both runs, by meaning, the most important first.
+
+    In narrow panels the values stand below the meaning.
+    """
     first, second = (figures.metrics for figures in view.playback.figures)
     judged = comparable(view)
     narrow = width < ONE_LINE
@@ -432,8 +442,11 @@ def compared_lines(view: View, width: int, signs: Signs) -> list[Line]:
     lines = [head, *([] if _together(view) else [_ticks(view, narrow, column)])]
     rest = [name for name in METRIC_CATALOGUE if name not in HEADLINES]
     for name in (name for name in (*HEADLINES, *rest) if name in first and name in second):
-        unit = METRIC_CATALOGUE[name][0]
+        unit, meaning = METRIC_CATALOGUE[name]
         a, b = float(first[name]), float(second[name])
+        if not (a or b) or math.isnan(a) or math.isnan(b):
+            continue
+        meaning = re.split(r"[:;(]", meaning)[0].strip()
         best = better(name, a, b) if judged else ""
         values = line(
             _value(a, unit, column, signs.better if best == "A" else " "),
@@ -441,10 +454,11 @@ def compared_lines(view: View, width: int, signs: Signs) -> list[Line]:
             dim(f"{_difference(b - a, unit) if judged else '':>{column}}"),
         )
         if narrow:
-            said = f" {unit}" if unit != "share" else ""
-            lines += [line(name, dim(said)), values]
+            lines += [*wrapped(line(meaning), width, indent=2), values]
         else:
-            lines.append((Span(name.ljust(METRIC_COLUMNS)), *values))
+            words, *more = textwrap.wrap(meaning, METRIC_COLUMNS - 1, subsequent_indent="  ")
+            lines.append((Span(words.ljust(METRIC_COLUMNS)), *values))
+            lines += map(line, more)
     told = f"{signs.better} better; shares in %" if judged else "shares in %"
     return [
         *lines,
@@ -452,6 +466,21 @@ def compared_lines(view: View, width: int, signs: Signs) -> list[Line]:
         line(dim(told)),
         line(dim(f"{signs.here} the run in the panels")),
     ]
+
+
+def lead_lines(view: View, width: int, signs: Signs) -> list[Line]:
+    """How many deliveries each run was ahead of the other, over time."""
+    tick = min(shown.tick for shown in view.playback.snapshots)
+    ticks = edges(tick, points_for(width, signs.dots))[1:]
+    first, second = (run.event_history.curve.at(ticks, DELIVERED_ORDERS) for run in view.runs)
+    lines: list[Line] = []
+    for name, ahead, look in (("A", first - second, "warn"), ("B", second - first, "good")):
+        if (ahead > 0).any():
+            lines.append(line(title(f"{name} ahead, deliveries"), dim(f" now {max(0, ahead[-1])}")))
+            for text in drawn_curve(np.maximum(ahead, 0).astype(float), LEAD_ROWS, signs.dots):
+                label, body = text[:LABEL_WIDTH], text[LABEL_WIDTH:]
+                lines.append(line(dim(label), Span(body, look, ("curve", tick))))
+    return lines
 
 
 def comparable(view: View) -> bool:

@@ -32,7 +32,7 @@ from tui.widgets.metrics_panel import Figures
 from tui.widgets.panel import Line, Link, PanelWidget, Rows, Signs, Span, signs_of
 
 FIGURES_SHARE: Final = 0.55  # maximum of the height; shows both curves in 36 rows
-WITH_KEYS: Final = 40  # columns from which tabs show their keys
+MAX_TAB_GAP: Final = 3  # columns between tabs
 
 
 class PanelColumn(Container):
@@ -205,13 +205,20 @@ class TabStrip(Rows):
         self.update_rows(1)
 
     def row(self, index: int) -> Line:
+        keys = [key_text(panel.key.partition(",")[0]) for panel in self._panels]
+        with_keys = sum(len(panel.tab) for panel in self._panels) + sum(map(len, keys))
+        room = self.width - 1  # a column stays free at the edge
+        has_keys = with_keys + 2 * len(keys) - 1 <= room
+        total = with_keys + len(keys) if has_keys else with_keys - sum(map(len, keys))
+        gap = max(1, min(MAX_TAB_GAP, (room - total) // max(1, len(keys) - 1)))
         spans: list[Span] = []
-        for at, panel in enumerate(self._panels):
-            key = key_text(panel.key.partition(",")[0])
-            text = f"{panel.tab} {key}".rstrip() if self.width >= WITH_KEYS else panel.tab
+        for at, (panel, key) in enumerate(zip(self._panels, keys, strict=True)):
             look = "cursor" if panel.name == self.open else "plain"
-            spans += [Span(text, look, ("tab", at)), Span(" ", "dim")]
-        return tuple(spans[:-1])
+            spans += [Span(" " * gap, "dim")] if spans else []
+            spans.append(Span(panel.tab, look, ("tab", at)))
+            if key and has_keys:
+                spans += [Span(" "), Span(key, "link", ("tab", at))]
+        return tuple(spans)
 
     def marked(self, made: Line) -> Line:
         """Highlight the open tab; underline it, too, while the strip has the focus."""

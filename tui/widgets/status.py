@@ -41,7 +41,7 @@ from automaton.history.state_words import (
     station_queue,
     words_of,
 )
-from automaton.units import Unit, number
+from automaton.units import Unit, number, percent
 from automaton.vocabulary import COLOUR_WORDS, robot_word, with_cause
 from tui.registration import layers
 from tui.render import drawn_robots as drawn
@@ -314,6 +314,17 @@ def long_tick_words(tick: int, seconds: float, waited: bool) -> str:
     took = f"{seconds:.1f}" if seconds < 1 else f"{int(seconds):,}"
     waits = "; your request waits for it" if waited else ""
     return f"computing tick {tick:,}, {took} s{waits}"
+
+
+def going_words(begun: int, tick: int, goal: int) -> str:
+    """How far it is on the way to a requested tick."""
+    share = percent(max(0, tick - begun) / max(1, goal - begun), 0)
+    return f"going to {goal:,}: {share}, esc stops"
+
+
+def stuck_words(begun: int) -> str:
+    """Why a run has stopped: a deadlock that it can only repeat."""
+    return f"deadlock since tick {begun:,} can only repeat: d goes to its beginning"
 
 
 def legend_words(entries: Sequence[tuple[tuple[int, ...], str]], rank: int) -> list[Word]:

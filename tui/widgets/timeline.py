@@ -1,9 +1,10 @@
-"""The run so far in one row: deliveries over time, marks of events, and the present.
+"""The run so far: deliveries over time, marks of events, and the present; below, where time was lost.
 
 0 ⣀⣠⣤⣀⣀⣴⣤✗⣀⣀3⣠█⋅⋅⋅⋅ 96     two columns of dots per character; nothing is known after the head
 
 Several marks in one column appear as their number, in the colour of the most severe; zooming in
-separates them.
+separates them. A strip below has the same columns: its rows are bands of rows of the floor, and its
+heat is the robot time lost there.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ from textual.message import Message
 
 from automaton.engine.observation import DELIVERED_ORDERS
 from tui.render import styles
-from tui.render.styles import Codes, GlyphSet, code, style, text
+from tui.render.styles import ASCII, Codes, GlyphSet, code, style, text
 from tui.terminal.map_view import MapView
 from tui.widgets.bindings import do
 
@@ -34,6 +35,7 @@ DOT_LEVELS: Final = 4  # dots in a braille column
 LEFT_DOTS: Final = np.array([0, 0x40, 0x44, 0x46, 0x47])  # filled from the bottom
 RIGHT_DOTS: Final = np.array([0, 0x80, 0xA0, 0xB0, 0xB8])
 
+HOTTEST: Final = styles.COLOUR_HEAT_8 - styles.COLOUR_HEAT_0  # level of the most lost time
 SHORTEST: Final = 50  # minimum number of ticks of the whole row
 
 # ends of the row for a run of unknown length, times 10^k
@@ -57,6 +59,7 @@ class Past(NamedTuple):
     end: int | None  # the final tick, if known
     curve: Curve  # the timeline shows its deliveries
     marks: tuple[Mark, ...] = ()
+    lost: NDArray[np.int32] | None = None  # (N, 1 + bands): as automaton.history LostByRows
 
 
 class Timeline(MapView, can_focus=True):
@@ -110,6 +113,9 @@ class Timeline(MapView, can_focus=True):
             self.part = self.part.within(end)
             self.part = self.part.following(past.tick, end) if here else self.part
         codes = picture(past, self.track, self.glyphs, self.has_focus)
+        if self.size.height > 1:
+            below = strip(past, self.track, self.glyphs, self.size.height - 1)
+            codes = np.concatenate((codes, below))
         if self.shown is not None and np.array_equal(codes, self.shown):
             return False
         self.present(codes)
@@ -189,6 +195,34 @@ def picture(past: Past, track: Track, glyphs: GlyphSet, focused: bool) -> Codes:
     at = codes[here : here + (past.tick in track.part)]
     at[:] = styles.with_background(at, styles.COLOUR_CURSOR if focused else styles.COLOUR_SELECTED)
     return _labelled(codes, track, glyphs).reshape(1, -1)
+
+
+def strip(past: Past, track: Track, glyphs: GlyphSet, rows: int) -> Codes:
+    """(rows, width) codes: where robots lost time, by columns of ticks and bands of the floor's rows.
+
+    A character shows two bands, the upper above the lower.
+    """
+    blank = code(style(styles.COLOUR_TEXT, styles.COLOUR_VOID), glyphs.blank)
+    codes = np.full((rows, track.width), blank, np.uint32)
+    if past.lost is None or not len(past.lost):
+        return codes
+    edges = track.edges(track.columns)
+    known = np.clip(edges, 0, past.head)
+    bands = past.lost.shape[1] - 1
+    sums = np.array([np.interp(known, past.lost[:, 0], band) for band in past.lost.T[1:]])
+    rate = np.diff(sums) / np.maximum(np.diff(known), 1)
+    levels = np.ceil(rate / max(rate.max(initial=0), 1e-9) * HOTTEST).astype(np.int64)
+    shown = levels[np.arange(2 * rows) * bands // (2 * rows)]
+    upper, lower = shown[0::2], shown[1::2]
+    signs = code(
+        style(styles.COLOUR_HEAT_0 + upper, styles.COLOUR_HEAT_0 + lower), glyphs.upper_half
+    )
+    if glyphs is ASCII or glyphs.shaded:
+        most = np.maximum(upper, lower)
+        plain = style(styles.COLOUR_TEXT, styles.COLOUR_VOID)
+        signs = code(plain, np.array(glyphs.ramp, np.uint32)[most])
+    codes[:, track.left : track.left + track.columns] = signs
+    return codes
 
 
 def _labelled(codes: Codes, track: Track, glyphs: GlyphSet) -> Codes:

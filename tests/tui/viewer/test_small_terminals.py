@@ -10,7 +10,7 @@ from viewer_harness import Watched, screen_text, viewing
 
 from tui.screens.dialogs import MIN_TERMINAL_COLUMNS, MIN_TERMINAL_ROWS, size_classes
 
-OVER = {"slash": ("Find", (50, 20)), "ctrl+p": ("10 ticks", (80, 12))}  # key: a word, a size
+OVER = {"slash": ("Find", (50, 20)), "ctrl+p": ("play or pause", (80, 12))}  # key: a word, a size
 
 
 def story(tell: Callable[[Watched], Awaitable[None]], size: tuple[int, int]) -> None:
@@ -81,7 +81,7 @@ def test_a_resize_just_before_the_end_does_no_harm() -> None:
 def test_the_palette_has_its_lower_edge_on_the_smallest_screen() -> None:
     async def tell(user: Watched) -> None:
         await user.press("ctrl+p")
-        await user.until(lambda: "10 ticks" in screen_text(user.app))
+        await user.until(lambda: "play or pause" in screen_text(user.app))
         assert "\u2581" * MIN_TERMINAL_COLUMNS in screen_text(user.app)
 
     story(tell, (MIN_TERMINAL_COLUMNS, MIN_TERMINAL_ROWS))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -21,7 +22,7 @@ from textual.pilot import Pilot
 
 from automaton.engine.observation import CAUSE_NO_ORDER, CAUSE_NOT_WAITING, CAUSES
 from automaton.history.event_history import Curve
-from automaton.runs.metrics import METRIC_CATALOGUE
+from automaton.runs.metric_catalogue import METRIC_CATALOGUE, time_shares
 from automaton.units import Unit, percent
 from tui.playback.panel_view import View
 from tui.render.scene import Scene, floor_of
@@ -100,6 +101,15 @@ def test_the_states_in_the_status_line_add_up_to_the_fleet() -> None:
     assert [one.text for one in words] == ["▸1 loaded", "▹1 empty", "▹0 waiting", "⊚1 idle"]
 
 
+def test_the_panel_says_where_the_time_went_as_the_report_does() -> None:
+    view = busy()
+    told = shown(Figures(), view, WIDE, 120)
+    shares = time_shares(view.measured.uses)
+    assert "where the time went" in told and len(shares) > 3
+    for name, share, _ in shares:
+        assert re.search(rf"{name} +\S* *{percent(share)}", told), name
+
+
 def test_every_cause_of_lost_time_stands_apart_from_its_bar() -> None:
     view = moment(20, "tabletop-mini")  # of its own: it is changed here
     lost = view.snapshot.robots.lost
@@ -124,10 +134,13 @@ def test_two_runs_stand_side_by_side_with_the_better_one_marked() -> None:
         lines.extend(said(figures))
 
     run_in_harness(Figures(), story, 64, 40)
-    row = next(words.split() for words in lines if words.startswith("delivered"))
+    assert lines[0] == f"A ahead, deliveries now {first['delivered'] - second['delivered']}"
+    row = next(words.split() for words in lines if words.startswith("number of delivered orders"))
     difference = int(second["delivered"] - first["delivered"])
-    assert row == ["delivered", f"{first['delivered']}◂", f"{second['delivered']}", f"{difference}"]
-    assert f"empty_moves_share {100 * first['empty_moves_share']:.1f}" in shown(Figures(), view, 64)
+    assert row[4:] == [f"{first['delivered']}◂", f"{second['delivered']}", f"{difference}"]
+    share = 100 * first["empty_moves_share"]
+    assert f"share of moves without a {share:.1f}" in shown(Figures(), view, 64)
+    assert "late orders" not in shown(Figures(), view, 64)  # orders have no due times
     assert "delivered orders" in shown(Figures(), view, NARROW)
 
 
@@ -151,7 +164,7 @@ def test_figures_of_different_ticks_are_not_judged() -> None:
         view, playback=replace(view.playback, figures=(replace(first, tick=900), second))
     )
     for width in (NARROW, WIDE):
-        told = shown(Figures(), early, width)
+        told = shown(Figures(), early, width, 200)
         assert "900 1,500" in told and "not compared: one run has ended" in told
         assert "◂" not in told and "better" not in told and "B - A" not in told
         assert f"{first.metrics['delivered']} {second.metrics['delivered']} " in told

@@ -12,7 +12,16 @@ from automaton.history.event_history import Curve
 from tui.render import styles
 from tui.render.encode import as_text
 from tui.render.styles import ASCII, UNICODE, Depth, GlyphSet, Look
-from tui.widgets.timeline import MIN_TICKS_SHOWN, Mark, Past, TickRange, picture, span, track_of
+from tui.widgets.timeline import (
+    MIN_TICKS_SHOWN,
+    Mark,
+    Past,
+    TickRange,
+    picture,
+    span,
+    strip,
+    track_of,
+)
 
 NOTHING_HAPPENS = Curve(np.zeros((50_000, CURVE_COLUMNS), np.int32), 1, 50_000)
 ENDS = st.integers(1, 10**6)
@@ -116,3 +125,31 @@ def test_a_number_of_marks_stands_out_at_every_depth(glyphs: GlyphSet) -> None:
         fg, bg = Look(depth).pair(number)
         assert fg != bg
     assert Look(Depth.NONE).attributes(number).reverse
+
+
+def lost_in(upper: float, lower: float) -> np.ndarray:
+    """Two bands that lose this much in each tick from 25,000 on."""
+    ticks = np.arange(0, 50_001, 500)
+    late = np.maximum(ticks - 25_000, 0)
+    return np.stack([ticks, upper * late, lower * late], axis=1).astype(np.int32)
+
+
+def test_the_strip_is_hot_where_and_when_time_was_lost() -> None:
+    past = nothing_delivered()._replace(lost=lost_in(2, 1))
+    track = track_of(None, 50_000, 80)
+    codes = strip(past, track, UNICODE, 1)
+    assert codes.shape == (1, 80)
+    inner = (codes[0, track.left : track.left + track.columns] >> 16).astype(np.int64)
+    upper, lower = np.divmod(inner, len(styles.COLOUR_TABLE))
+    assert {*upper[:30], *lower[:30]} == {styles.COLOUR_HEAT_0}
+    assert (upper[-30:] == styles.COLOUR_HEAT_8).all()
+    assert (lower[-30:] == styles.COLOUR_HEAT_4).all()
+
+
+def test_the_strip_has_shades_without_colours_and_nothing_after_what_is_known() -> None:
+    past = nothing_delivered()._replace(lost=lost_in(1, 0), head=40_000, end=None)
+    track = track_of(None, 50_000, 80)
+    row = as_text(strip(past, track, ASCII, 1), ASCII)
+    assert row.isascii() and set(row.strip()[1:]) == {"@"}  # the first column saw the beginning
+    assert abs(len(row.strip()) - 0.3 * track.columns) < 3
+    assert as_text(strip(nothing_delivered(), track, UNICODE, 2), UNICODE).strip() == ""

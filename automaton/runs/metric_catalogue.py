@@ -219,7 +219,9 @@ TIME_USES: Final = {
     "turning": TimePart("#0072b2", {"turning": "turns for an order"}),
     "handling": TimePart("#009e73", {"handling": "picks, drops and stops"}),
     "station queue": TimePart("#cc79a7", {"lost_station_queue": ""}),
-    "traffic": TimePart("#d55e00", {name: "" for name in (*TRAFFIC_SUMS, "lost_illegal", "lost_standing")}),
+    "traffic": TimePart(
+        "#d55e00", {name: "" for name in (*TRAFFIC_SUMS, "lost_illegal", "lost_standing")}
+    ),
     "charging": TimePart(
         "#f0e442",
         {

@@ -37,7 +37,6 @@ import numpy.typing as npt
 from automaton.errors import InputError, nearest
 from automaton.scenario.document import Document, parse
 from automaton.scenario.text_files import quoted, read_text
-from automaton.units import count
 
 MAX_PIXELS: Final = 40_000_000
 MAX_IMAGE_SIDE: Final = 1_000_000
@@ -330,5 +329,5 @@ def _check_size(width: int, height: int) -> None:
 def _check_count(there: int, wanted: int, verb: str) -> None:
     if there < wanted:
         raise InputError(
-            f"is truncated: its header declares {count(wanted, 'pixel')}, it {verb} {there:,}"
+            f"is truncated: its header declares {wanted:,} pixels, it {verb} {there:,}"
         )

@@ -8,7 +8,6 @@ from automaton.runs.headless import Outcome, run_once
 from automaton.runs.progress import Jam, starved_ticks, stuck_robots
 from automaton.runs.run_diagnosis import JamWatch, describe_jam, describe_wait_cycles, robot_names
 from automaton.runs.simulation import Simulation
-from automaton.units import count
 from automaton.world.bounds import bounds, least_ticks, most_throughput
 from automaton.world.resolved import Resolved
 
@@ -25,7 +24,7 @@ class TrialRun(NamedTuple):
 
     def lines(self) -> list[str]:
         """Return the lines that `check` prints: one for each finding, or one that reports success."""
-        head = f"trial of {count(self.ticks, 'tick')}"
+        head = f"trial of {self.ticks:,} ticks"
         if self.findings:
             return [f"{head}: {one}" for one in self.findings]
         if self.ticks <= self.patience:

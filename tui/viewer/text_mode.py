@@ -11,7 +11,6 @@ from typing import Final
 
 import numpy as np
 
-from automaton.engine.state import NIL
 from automaton.history.divergence import first_difference
 from automaton.history.fleet_summary import summary_of
 from automaton.history.live_run import LiveDivergence, LiveRun
@@ -179,7 +178,7 @@ def outcome_of(run: WatchedRun, last_worked: np.ndarray) -> Outcome:
         finished=finished,
         ticks=front.tick,
         orders=len(orders.done),
-        delivered=int((orders.done != NIL).sum()),
+        delivered=int((orders.done >= 0).sum()),
         digest=front.digest,
         wall_s=None,
         metrics=metrics_of(front),

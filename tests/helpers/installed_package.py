@@ -13,6 +13,7 @@ import os
 import pty
 import re
 import select
+import signal
 import subprocess
 import sys
 import time
@@ -21,7 +22,7 @@ from pathlib import Path
 
 TICKS = 2000
 BIN = Path(sys.executable).parent
-SECONDS_TO_START = 180  # with compiling
+SECONDS_TO_START = 400  # with compiling, beside the tests of CI
 MINE = '''"""A strategy of the user in a folder that has the name of one of ours."""
 
 from automaton.strategy.per_robot import deliver, park, per_robot, take
@@ -66,6 +67,8 @@ def watched(*arguments: str) -> bytes:
                 break
         elif b"tick" in written:
             os.write(terminal, b"q")
+    else:
+        os.kill(child, signal.SIGKILL)
     code = os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
     if code or b"tick" not in written:
         sys.exit(f"watch: exit code {code}\n{written[-2000:].decode(errors='replace')}")

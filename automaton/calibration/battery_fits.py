@@ -128,7 +128,15 @@ def fit_drains(
     if not has_both or max(map(fit.width, PICK_AND_DROP)) < MAX_SEPARATE_INTERVAL:
         return fit
     groups = [PICK_AND_DROP, *((name,) for name in states if name not in PICK_AND_DROP)]
-    return _fit_table(table, lost[is_complete], groups, errors, seed)
+    joint = _fit_table(table, lost[is_complete], groups, errors, seed)
+    # One value for two states does not say more about each than a value of its own.
+    wide = {name: _around(joint.drains[name], fit.drains[name]) for name in PICK_AND_DROP}
+    return joint._replace(drains={**joint.drains, **wide})
+
+
+def _around(one: FittedValue, other: FittedValue) -> FittedValue:
+    """A value with an interval that holds that of another fit, too."""
+    return one._replace(low=min(one.low, other.low), high=max(one.high, other.high))
 
 
 def _fit_table(

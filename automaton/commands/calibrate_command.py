@@ -48,7 +48,7 @@ if TYPE_CHECKING:
 
 ARRIVALS: Final = "orders.arrivals"
 TUNING_BUDGET: Final = 500  # runs
-PAIRS: Final = 20
+PAIRS_OF_RUNS: Final = 20
 SLOW_PERCENT: Final = 5
 SHORTEST_DELAY: Final = Fraction(1)  # seconds
 
@@ -420,7 +420,9 @@ def compare_models(
             resolve(args.floor, [*args.settings, *arguments_of(values), *own])
             for values, own in ((first, ()), (second, more))
         ]
-        changes = compare_pairs(models[0], models[1], args.pairs or PAIRS, args.workers, on_done)
+        changes = compare_pairs(
+            models[0], models[1], args.pairs or PAIRS_OF_RUNS, args.workers, on_done
+        )
         words = ", ".join(f"{name.replace('_', ' ')} {change}" for name, change in changes.items())
         return any(change.matters for change in changes.values()), words or "nothing to compare"
 

@@ -12,7 +12,7 @@ import numpy as np
 from automaton.engine.jit.structs import registered_address
 from automaton.engine.random_numbers import STREAM_EPISODES, random_bits_of_each
 from automaton.engine.state import NIL, ORDER_LIST, Array
-from automaton.environments.external import text_of_actions
+from automaton.environments.external import HANDLE_SHIFT, action_count, text_of_actions
 from automaton.environments.reset_kernels import Copies
 from automaton.environments.resets import Restorer, restored
 from automaton.environments.stepped_worlds import (
@@ -43,6 +43,7 @@ from automaton.units import memory
 from automaton.world.resolve import resolve
 
 STEPPINGS: Final = ("tick", "decision")
+HANDLINGS: Final = ("automatic", "action")
 AUTORESETS: Final = ("next_step", "same_step", "disabled")
 MAX_RADIUS: Final = 15
 FINAL_NAMES: Final = ("observations", "features", "masks", "acting")  # with same_step
@@ -55,14 +56,16 @@ class Environment:
 
     `scenario`: a path, the name of a shipped one, the content of a scenario file as a dict, or a
     Scenario; `settings`: changes of it, such as "fleet.robots=32". `drive`: "free" (robots have no
-    routes) or "guided" (they follow the scenario's routes, and actions interrupt them). `radius`: of
-    the window around each robot, in cells; None: no windows. `channels`: what a window shows;
-    `features`: whether there are features, too. `reward`: weights of components. `stepping`: a step
-    is a "tick", or lasts until a robot has a "decision" to make. `max_ticks`: ticks after which an
-    episode is truncated, by default the scenario's `stop.max_duration`. `autoreset`: "next_step",
-    "same_step" or "disabled". `threads`: that step the worlds. `buffers`: arrays by name that the
-    environment fills, instead of its own. With `log` each episode can be saved as a recording. Raises
-    InputError.
+    routes) or "guided" (they follow the scenario's routes, and actions interrupt them). `handling`:
+    a robot that stays in its goal cell begins what it came for ("automatic"), or there is a last
+    "action" for it. `radius`: of the window around each robot, in cells; None: no windows.
+    `channels`: what a window shows; `features`: whether there are features, too; `facing`
+    (differential robots): both are turned, so that ahead of the robot is up. `reward`: weights of
+    components. `stepping`: a step is a "tick", or lasts until a robot has a "decision" to make.
+    `max_ticks`: ticks after which an episode is truncated, by default the scenario's
+    `stop.max_duration`. `autoreset`: "next_step", "same_step" or "disabled". `threads`: that step the
+    worlds. `buffers`: arrays by name that the environment fills, instead of its own. With `log` each
+    episode can be saved as a recording. Raises InputError.
 
         env = Environment("tabletop-mini", worlds=4, max_ticks=200)
         env.reset(seed=1)
@@ -79,9 +82,11 @@ class Environment:
         settings: Settings = (),
         *,
         drive: str = "free",
+        handling: str = "automatic",
         radius: int | None = 2,
         channels: Sequence[str] = ("walls", "robots", "goal"),
         features: bool = False,
+        facing: bool = False,
         reward: Mapping[str, float] | None = None,
         stepping: str = "tick",
         max_ticks: int | None = None,
@@ -91,6 +96,7 @@ class Environment:
         log: bool = False,
     ) -> None:
         check_name("drive", drive, EXTERNAL)
+        check_name("handling", handling, HANDLINGS)
         check_name("stepping", stepping, STEPPINGS)
         check_name("autoreset", autoreset, AUTORESETS)
         for channel in channels:
@@ -104,15 +110,17 @@ class Environment:
         check_number("threads", threads, 1, worlds)
         self.worlds, self.autoreset, self.drive = worlds, autoreset, drive
         self.channels, self.radius = tuple(channels) if radius is not None else (), radius
-        self._scenario, self._settings = scenario, settings
-        self._resolved = resolved_for(scenario, settings, drive)
+        self._scenario, self._settings, self._handling = scenario, settings, handling
+        self._resolved = resolved_for(scenario, settings, drive, handling=handling)
         limit = self._resolved.scenario.stop.max_duration
         self.max_ticks = limit if max_ticks is None else max_ticks
         check_number("max_ticks", self.max_ticks, 1, limit)
         self._first = SteppedWorld(self._resolved, self._resolved.scenario.seed)
         check_sight(self._first.world.rules, self.channels, radius)
+        check_facing(self._first.world.grid.type_headings, facing)
         self.robots = len(self._first.world.robots.cell)
-        self.actions_count = action_count(self._first, drive)
+        self.actions_count = action_count(self._first.world.grid.type_headings, drive == "guided")
+        self.actions_count += handling == "action"
         self._check_memory(features, buffers or {})
         self._make_buffers(features, buffers or {})
         self._spaces = [self._first.workspace]
@@ -123,7 +131,7 @@ class Environment:
         self._restorer = Restorer(self._first)
         self.compiled_reset = self._restorer.draws is not None
         self._logs = [ActionLog() for _ in range(worlds)] if log else None
-        self._make_stepper(weights, stepping == "decision", features)
+        self._make_stepper(weights, stepping == "decision", features, facing)
         self._pool = ThreadPoolExecutor(threads - 1) if threads > 1 else None
         self._seed = int(self._resolved.scenario.seed)
         self._episodes = np.full(worlds, NIL, np.int64)
@@ -207,10 +215,14 @@ class Environment:
             flat["features"] = np.zeros((*each, 0), np.float32)
         self._buffers = StepBuffers(**flat)
 
-    def _make_stepper(self, weights: Array, until_acting: bool, features: bool) -> None:
+    def _make_stepper(
+        self, weights: Array, until_acting: bool, features: bool, facing: bool
+    ) -> None:
         course = np.zeros(len(Course.meanings), np.int64).view(Course)
         course.robots, course.actions = self.robots, self.actions_count
         course.drive = int(self.drive == "guided")
+        if self._handling == "action":
+            course.drive |= (self.actions_count - 1) << HANDLE_SHIFT
         course.until_acting, course.max_ticks = int(until_acting), self.max_ticks
         losses = [weights[list(REWARDS).index(name)] for name in ("blocked", "energy")]
         course.counts_losses = int(features or any(losses))
@@ -218,12 +230,12 @@ class Environment:
         first = self._first
         rules = first.world.rules
         sight = rules.radius if rules.radius > 0 and rules.circle else NIL
-        self._scene = scene_of(first.world.grid, self.channels, self.radius or 0, sight)
+        self._scene = scene_of(first.world.grid, self.channels, self.radius or 0, sight, facing)
         self._stepper = Stepper(
             course=course,
             addresses=np.zeros((self.worlds, ADDRESS_COUNT), np.int64),
             functions=first.words(
-                self.radius, features, bool(course.measures), self._logs is not None
+                self.radius, features, bool(course.measures), self._logs is not None, facing
             ),
             mode=first.mode,
             used=first.used,
@@ -425,8 +437,13 @@ class Environment:
         if self._logs is None:
             raise InputError("only an environment made with log=True keeps actions to save")
         rows = self._logs[w].rows(int(self.ticks[w]), self.robots)
-        actions = resolved_for(self._scenario, self._settings, self.drive, text_of_actions(rows))
-        save_episode(actions, world.seed, self._logs[w].digests, path)
+        options = self.drive, text_of_actions(rows), self._handling
+        save_episode(
+            resolved_for(self._scenario, self._settings, *options),
+            world.seed,
+            self._logs[w].digests,
+            path,
+        )
 
     def _note_actions(self, logs: Sequence[ActionLog]) -> None:
         """Note the actions that enter in the next step."""
@@ -443,11 +460,13 @@ class Environment:
         return world
 
 
-def resolved_for(scenario: Any, settings: Settings, drive: str, actions: str = "") -> Any:
+def resolved_for(
+    scenario: Any, settings: Settings, drive: str, actions: str = "", handling: str = "automatic"
+) -> Any:
     """The scenario with the right of way through which actions enter. Raises InputError."""
     if isinstance(settings, str):
         raise InputError(f"settings is a list of texts such as [{settings!r}]; found a text")
-    chosen = {"name": EXTERNAL[drive], "actions": actions}
+    chosen = {"name": EXTERNAL[drive], "actions": actions, "handling": handling}
     keys = ("strategy", "right_of_way")
     return resolve(scenario, (*settings, Override(f"{'.'.join(keys)}={drive}", keys, chosen)))
 
@@ -493,10 +512,12 @@ def check_sight(rules: Any, channels: Sequence[str], radius: int | None) -> None
         raise InputError("the channel orders shows all orders: it needs information.orders: all")
 
 
-def action_count(world: SteppedWorld, drive: str) -> int:
-    """The number of actions of a robot: that of the kinematics with the most."""
-    kinds = world.world.grid.type_headings
-    return (5 if (kinds == 1).any() else 4) + int(drive == "guided")
+def check_facing(headings: Array, facing: bool) -> None:
+    """Raises InputError if views are to be turned by headings that robots do not have."""
+    if facing and (headings != 4).any():
+        raise InputError(
+            "facing=True turns views by the heading of the robot: it needs differential robots only"
+        )
 
 
 def cut(worlds: int, threads: int) -> list[tuple[int, int]]:

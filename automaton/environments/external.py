@@ -7,12 +7,13 @@ and which are allowed.
     rail      stay       east, or south on a vertical axis   west, north  turn
 
 With routes (`Guided`) two actions come first, `follow the route` and `wait a tick`, in place of stay.
-In a parking bay action 1 leaves it. A robot that stays in its goal cell begins what it came for.
+In a parking bay action 1 leaves it. A robot that stays in its goal cell begins what it came for; with
+`handling: action` it waits there, and a last action, `handle`, begins it.
 """
 
 import base64
 import zlib
-from typing import Annotated, Any, Final
+from typing import Annotated, Any, Final, Literal
 
 import msgspec
 import numpy as np
@@ -45,6 +46,7 @@ U = np.uint64  # unsigned index: spares the test for negative values
 
 DRIVE_FREE: Final = 0  # drive: robots have no routes
 DRIVE_GUIDED: Final = 1
+HANDLE_SHIFT: Final = 1  # drive >> HANDLE_SHIFT: the action `handle`; 0: handling is automatic
 ACT_STAY: Final = 0  # guided: follow the route
 ACT_WAIT: Final = 1  # guided only
 ACT_COUNTS: Final = 256  # besides the bits of allowed actions: its action will count
@@ -54,7 +56,7 @@ ACT_NONE: Final = -1
 class EnteredActions(Struct):
     """The actions that enter next, n robots."""
 
-    drive: int = field("int64", "FREE or GUIDED")
+    drive: int = field("int64", "FREE or GUIDED, and the action `handle`")
     are_checked: int = field("() int64", "1 = the driver has checked the actions")
     actions: Array = field("(n,) int32", "action of each robot, by identity")
     logged: Array = field("(t, n) int8", "actions of an episode, by tick", role=CONSTANT)
@@ -80,9 +82,19 @@ def allowed_actions(view, drive, i):
     robots = view.robots
     if not is_acting(view, i):
         return np.int64(1)
-    if drive == DRIVE_GUIDED:
-        return ACT_COUNTS | (1 if robots.parked[U(i)] else 3 | allowed_moves(view, i) << 2)
-    return ACT_COUNTS | (3 if robots.cell[U(i)] == NIL else 1 | allowed_moves(view, i) << 1)
+    handle = np.int64(ACT_COUNTS)
+    if drive > DRIVE_GUIDED and is_at_goal(view, i):
+        handle |= 1 << (drive >> HANDLE_SHIFT)
+    if drive & DRIVE_GUIDED:
+        return handle | (1 if robots.parked[U(i)] else 3 | allowed_moves(view, i) << 2)
+    return handle | (3 if robots.cell[U(i)] == NIL else 1 | allowed_moves(view, i) << 1)
+
+
+@kernel
+def is_at_goal(view, i):
+    """Whether robot i stands in its goal cell."""
+    goal = view.robots.goal_cell[U(i)]
+    return goal != NIL and goal == view.robots.cell[U(i)]
 
 
 @kernel
@@ -123,24 +135,29 @@ def enter_actions(view, batch, decisions, drive, actions, are_checked):
             action = checked_action(view, drive, i, action)
         if action == ACT_NONE:
             continue
+        handle, is_guided = drive >> HANDLE_SHIFT, drive & DRIVE_GUIDED
         if action == ACT_STAY:
-            is_there = robots.cell[U(i)] == robots.goal_cell[U(i)]
-            if drive == DRIVE_FREE and robots.goal_type[U(i)] != GOAL_NONE and not is_there:
+            begins = handle == 0 and is_at_goal(view, i)
+            if not is_guided and robots.goal_type[U(i)] != GOAL_NONE and not begins:
                 out.command[U(k)], out.value[U(k)] = CMD_HOLD, NIL
-        elif drive == DRIVE_GUIDED and action == ACT_WAIT:
+            elif is_guided and handle and is_at_goal(view, i):
+                out.command[U(k)], out.value[U(k)] = CMD_WAIT, 1
+        elif action == handle:
+            continue
+        elif is_guided and action == ACT_WAIT:
             out.command[U(k)], out.value[U(k)] = CMD_WAIT, 1
         elif robots.cell[U(i)] == NIL:
             out.command[U(k)], out.value[U(k)] = CMD_GO, 0
         else:
-            enter_move(view, out, k, i, drive, action - 1 - drive)
+            enter_move(view, out, k, i, is_guided, action - 1 - is_guided)
 
 
 @kernel
-def enter_move(view, out, k, i, drive, move):
+def enter_move(view, out, k, i, is_guided, move):
     """Decision k: a move or a turn of robot i, numbered from 0."""
     robots = view.robots
     headings, heading = headings_of(view.grid, robots.type[i]), np.int64(robots.heading[i])
-    out.command[k] = CMD_STEP if drive == DRIVE_GUIDED else CMD_GO
+    out.command[k] = CMD_STEP if is_guided else CMD_GO
     if headings == 1:
         out.value[k] = move
     elif move == 0:
@@ -168,6 +185,17 @@ class ExternalParameters(msgspec.Struct, forbid_unknown_fields=True, frozen=True
     actions: Annotated[
         str, Meta(description="actions of an episode by tick, as `Environment.save` writes them")
     ] = ""
+    handling: Annotated[
+        Literal["automatic", "action"], Meta(description="how robots begin tasks in goal cells")
+    ] = "automatic"
+
+
+def action_count(headings: Any, is_guided: bool) -> int:
+    """The number of moves, turns and waits of a robot: that of the kinematics with the most.
+
+    `headings`: that types of robots distinguish.
+    """
+    return (5 if (headings == 1).any() else 4) + is_guided
 
 
 def text_of_actions(rows: Any) -> str:
@@ -198,6 +226,8 @@ class External(Strategy):
         robots, text = len(view.robots.cell), self.parameters.actions
         logged = actions_of_text(text, robots).copy() if text else np.zeros((0, robots), np.int8)
         drive = DRIVE_FREE if self.steers else DRIVE_GUIDED
+        if self.parameters.handling == "action":
+            drive |= action_count(view.grid.type_headings, not self.steers) << HANDLE_SHIFT
         return EnteredActions.sized({"n": robots}, drive=drive, logged=logged)
 
 

@@ -92,13 +92,16 @@ class SteppedWorld(Simulation):
         for array in (episode.goal, episode.pose, episode.revision):
             array[:] = NIL
 
-    def words(self, radius: int | None, features: bool, measures: bool, logs: bool) -> Array:
+    def words(
+        self, radius: int | None, features: bool, measures: bool, logs: bool, facing: bool
+    ) -> Array:
         """(g, 2) int64: the words of all functions that the driver calls."""
         views = [
             None if radius is None else windows.window_kernel(radius),
             windows.fill_features if features else None,
             windows.measure_distances if measures else None,
             windows.note_digests if logs else None,
+            windows.turn_views if facing else None,
         ]
         kinds = [stepping.DECIDE] * STRATEGY_COUNT
         kinds += [signature(one) if jit_is_on() else None for one in FEATURES]

@@ -104,6 +104,9 @@ class FloorScene(Struct):
     planes: Array = field("(k,) int64", "its plane, for the first type of robots; NIL: none")
     types: int = field("int64", "types of robots, with and without loads")
     sight: int = field("int64", "radius of a circle that robots see, in cells; NIL: no circle")
+    turned_side: int = field(
+        "int64", "side of windows that are turned: ahead is up; 0: north is up"
+    )
 
 
 class Episode(Struct):
@@ -133,7 +136,7 @@ class Course(NamedNumbers):
 
     robots: int = number("robots of a world")
     actions: int = number("number of actions")
-    drive: int = number("FREE or GUIDED")
+    drive: int = number("FREE or GUIDED, and the action `handle`")
     until_acting: int = number("1: a step lasts until a robot acts; 0: a tick")
     max_ticks: int = number("ticks after which an episode is truncated")
     measures: int = number("1: distances to goals are kept up to date")
@@ -188,8 +191,8 @@ DECIDE = decide_signature() if jit_is_on() else None
     for row, one in enumerate(FEATURES, STRATEGY_COUNT)
 )  # fmt: skip
 FIRST_VIEW: Final = STRATEGY_COUNT + len(FEATURES)
-fill_windows_at, fill_features_at, measure_distances_at, note_digests_at = (
-    function_at(row, view_signature()) for row in range(FIRST_VIEW, FIRST_VIEW + 4)
+fill_windows_at, fill_features_at, measure_distances_at, note_digests_at, turn_views_at = (
+    function_at(row, view_signature()) for row in range(FIRST_VIEW, FIRST_VIEW + 5)
 )
 
 
@@ -425,6 +428,8 @@ def show_world(stepper, world, episode, workspace, w):
         fill_windows_at(words)(world, episode, buffers, w, workspace)
     if buffers.features.shape[2]:
         fill_features_at(words)(world, episode, buffers, w, workspace)
+    if episode.scene.turned_side:
+        turn_views_at(words)(world, episode, buffers, w, workspace)
 
 
 def step_worlds(address, workspace_address, first, last):

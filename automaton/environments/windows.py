@@ -142,6 +142,59 @@ def hide_outside(episode, windows, w, side):
                     windows[w, :, (k * side + y) * side + x] = 0
 
 
+# Windows and features in which ahead of the robot is up.
+
+
+@kernel
+def turn_views(world, episode, buffers, w, workspace):
+    """Turn the windows and the features of all robots: ahead of each is up."""
+    robots, scene, windows = world.robots, episode.scene, buffers.observations
+    side = scene.turned_side
+    for i in range(robots.cell.shape[0]):
+        quarters = (np.int64(robots.heading[i]) + 1) % 4  # anticlockwise
+        if windows.shape[2]:
+            for k in range(scene.channels.shape[0]):
+                for _ in range(quarters):
+                    turn_window(windows[w, i], k * side * side, side)
+                if scene.channels[k] in (CHANNEL_WAYS, CHANNEL_HEADINGS):
+                    turn_values(windows[w, i], scene.channels[k], k * side * side, side, quarters)
+        if buffers.features.shape[2]:
+            turn_features(buffers.features[w, i], quarters)
+
+
+@kernel
+def turn_window(window, at, side):
+    """Turn a channel, which begins at a place, by a quarter anticlockwise."""
+    last = side - 1
+    for y in range(side // 2):
+        for x in range((side + 1) // 2):
+            row, column, first = y, x, window[at + y * side + x]
+            for _ in range(3):
+                window[at + row * side + column] = window[at + column * side + last - row]
+                row, column = column, last - row
+            window[at + row * side + column] = first
+
+
+@kernel
+def turn_values(window, channel, at, side, quarters):
+    """Turn the directions that the values of a channel mean."""
+    for place in range(at, at + side * side):
+        value = np.int64(window[place])
+        if channel == CHANNEL_WAYS:
+            window[place] = (value | value << 4) >> quarters & 15
+        elif value:
+            window[place] = 1 + (value - 1 - quarters) % 4
+
+
+@kernel
+def turn_features(features, quarters):
+    """Turn the heading, and the cells to the goal."""
+    for _ in range(quarters):
+        features[10], features[11] = features[11], -features[10]
+    for heading in range(4):
+        features[heading] = heading == 3
+
+
 # The planes of a world.
 
 
@@ -347,8 +400,11 @@ def note_digests(world, episode, buffers, w, workspace):
     digest_world(world, episode.digests)
 
 
-def scene_of(grid: Any, channels: tuple[str, ...], radius: int, sight: int) -> FloorScene:
-    """The scene of a floor. `sight`: the radius of the circle that robots see, or NIL."""
+def scene_of(
+    grid: Any, channels: tuple[str, ...], radius: int, sight: int, facing: bool
+) -> FloorScene:
+    """The scene of a floor. `sight`: the radius of the circle that robots see, or NIL; `facing`: views
+    are turned."""
     cells = np.arange(len(grid.kind))
     row, column = np.divmod(cells, grid.width)
     stride = grid.width + 2 * radius
@@ -367,6 +423,7 @@ def scene_of(grid: Any, channels: tuple[str, ...], radius: int, sight: int) -> F
         planes=np.array(planes, np.int64),
         types=types,
         sight=sight,
+        turned_side=2 * radius + 1 if facing else 0,
     )
 
 

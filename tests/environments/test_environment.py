@@ -145,6 +145,26 @@ def test_no_action_is_illegal_whatever_a_learner_does(kinematics: str, drive: st
     assert invalid > 0
 
 
+@pytest.mark.parametrize(("drive", "go", "handle"), [("free", EAST, 5), ("guided", STAY, 6)])
+def test_a_task_begins_by_an_action_of_its_own(
+    drive: str, go: int, handle: int, tmp_path: Path
+) -> None:
+    """The robot drives to its stop, stays there for two steps, and begins it when it is to."""
+    stop = {"list": [{"stops": [{"at": [2, 0], "for": 2}]}]}
+    scenario = floor("...", (0, 0), orders=stop)
+    env = Environment(scenario, drive=drive, handling="action", log=True, max_ticks=20)
+    env.reset()
+    shown, rewards = [], []
+    for action in (go, go, STAY, STAY, handle, STAY):
+        shown.append(int(env.masks[0, 0, handle]))
+        env.step([[action]])
+        rewards.append(int(env.rewards[0, 0]))
+    assert shown == [0, 0, 1, 1, 1, 0] and env.masks.shape[2] == handle + 1
+    assert rewards == [0, 0, 0, 0, 0, 1] and env.terminations.all() and not env.invalid.any()
+    env.save(0, tmp_path / "run.rec")
+    assert verify(tmp_path / "run.rec").passed
+
+
 def test_what_counts_against_the_mask_earns_nothing_and_moves_nobody() -> None:
     env = Environment(floor("#.", (1, 0), orders=to((1, 0))), reward={"invalid": -1}, max_ticks=9)
     env.reset()
@@ -241,6 +261,32 @@ def test_features_tell_where_the_goal_is() -> None:
     assert env.features[0, 0, [6, 10, 11, 12, 13]].tolist() == [1, 4 / 16, 0, 4 / 64, 1]
 
 
+def test_ahead_of_the_robot_is_up_in_views_that_face() -> None:
+    scenario = {**TOURS, "fleet": {**TOURS["fleet"], "kinematics": "differential"}}
+    channels = ("walls", "robots", "goal", "ways", "headings")
+    north, ahead = (
+        Environment(scenario, channels=channels, features=True, facing=facing, max_ticks=9)
+        for facing in (False, True)
+    )
+    for env in (north, ahead):
+        env.reset(seed=1)
+        walk(env, 8)
+    headings = north.features[0, :, :4].argmax(axis=1)
+    assert len(set(headings.tolist())) > 2 and (ahead.features[0, :, 3] == 1).all()
+    for robot, heading in enumerate(headings):
+        quarters = (heading + 1) % 4
+        turned = np.rot90(north.observations[0, robot], quarters, axes=(1, 2))
+        shown = ahead.observations[0, robot]
+        assert np.array_equal(shown[:3], turned[:3])
+        exits, ways = ((cells[..., None] >> np.arange(4)) & 1 for cells in (shown[3], turned[3]))
+        assert np.array_equal(exits, np.roll(ways, -quarters, axis=2))
+        directions = np.roll([1, 2, 3, 4], quarters)
+        assert np.array_equal(shown[4], np.array([0, *directions])[turned[4]])
+        right, back = ahead.features[0, robot, 10:12]
+        east, south = north.features[0, robot, 10:12]
+        assert right + 1j * back == (east + 1j * south) * (-1j) ** quarters
+
+
 def test_an_environment_fills_arrays_of_the_caller() -> None:
     rewards = np.full((1, 6), 9, np.float32)
     env = Environment(TOURS, buffers={"rewards": rewards}, max_ticks=9)
@@ -260,6 +306,8 @@ def test_an_environment_fills_arrays_of_the_caller() -> None:
             "unknown channel 'wall' (did you mean 'walls'?): allowed are walls",
         ),
         ({"reward": {"deliver": 1}}, "unknown component of reward 'deliver'"),
+        ({"handling": "manual"}, "unknown handling 'manual': allowed are automatic or action"),
+        ({"facing": True}, "facing=True turns views by the heading of the robot"),
         ({"worlds": 0}, "worlds is at least 1; found 0"),
         ({"threads": 2}, "threads is 1 to 1; found 2"),
         ({"radius": 16}, "radius is 0 to 15; found 16"),

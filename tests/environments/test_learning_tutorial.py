@@ -41,7 +41,7 @@ def delivered(name: str, **parameters: str) -> int:
 
 
 def test_a_rollout_sees_what_the_strategy_sees(learned: Any) -> None:
-    env = Environment(FLOOR, radius=learned.RADIUS, features=True, max_ticks=12)
+    env = Environment(FLOOR, radius=learned.RADIUS, features=True, facing=True, max_ticks=12)
     env.reset(seed=3)
     layers = np.zeros((learned.INPUTS, learned.ACTIONS)), np.zeros(learned.ACTIONS)
     network, draws = partial(learned.logits_of, layers), np.random.default_rng(1)

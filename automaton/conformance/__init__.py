@@ -172,10 +172,13 @@ class Child:
         if not has_jit:
             self.environment["NUMBA_DISABLE_JIT"] = "1"
         self.process: subprocess.Popen[str] | None = None
-        self.deaths = 0
+        self.strategy, self.deaths = "", 0  # the strategy, and how often it ended the process
 
     def ask(self, task: dict[str, Any]) -> dict[str, Any]:
         """Do a task; a process that dies fails `survival`."""
+        strategy = f"{task['layer']}:{task['strategy']}"
+        if strategy != self.strategy:
+            self.strategy, self.deaths = strategy, 0
         if self.deaths == MAX_DEATHS:
             return {"found": []}
         if self.process is None:

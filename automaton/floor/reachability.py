@@ -249,14 +249,25 @@ def _in_both_directions(floor_plan: FloorPlan, cell: int, rail: bool) -> Mask:
     """As `to_and_from`, on a floor without storage.
 
     Off rails the result is the same for each of its cells. So each part of a floor is searched once for
-    all runs.
+    all runs. On rails a turntable decides: a cell that a robot reaches only along the axis in which it
+    cannot leave a row of straight tracks does not belong to the part.
     """
-    part_of = np.full(floor_plan.kind.size, NIL) if rail else _part_of(floor_plan)
+    if rail:
+        mask = _there_and_back(floor_plan, cell, rail)
+        turntables = np.flatnonzero(mask & may_turn(floor_plan.kind.reshape(-1), rail))
+        part = _there_and_back(floor_plan, int(turntables[0]), rail) if turntables.size else mask
+        return part if part[cell] else mask
+    part_of = _part_of(floor_plan)
     if part_of[cell] == NIL:
-        ways = (reached(floor_plan, [cell], rail, backwards) for backwards in (False, True))
-        part_of[np.logical_and(*ways)] = cell
-    mask: Mask = part_of == part_of[cell]
-    return mask
+        part_of[_there_and_back(floor_plan, cell, rail)] = cell
+    same: Mask = part_of == part_of[cell]
+    return same
+
+
+def _there_and_back(floor_plan: FloorPlan, cell: int, rail: bool) -> Mask:
+    """(cells,) the cells that a robot reaches from a cell, and from which it reaches that cell."""
+    there, back = (reached(floor_plan, [cell], rail, backwards) for backwards in (False, True))
+    return there & back
 
 
 @lru_cache(maxsize=64)

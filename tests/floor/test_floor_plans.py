@@ -230,6 +230,14 @@ def test_rails_turn_on_turntables_only() -> None:
     assert slots_beside(table, ~to_and_from(table, start, rail=True)).size == 0
 
 
+def test_straight_tracks_that_a_robot_cannot_leave_are_a_part_of_their_own() -> None:
+    floor_plan = picture("===", "+#+", "+++")
+    corner, middle = floor_plan.cell(0, 0), floor_plan.cell(1, 0)
+    assert not to_and_from(floor_plan, corner, rail=True)[middle]
+    assert to_and_from(floor_plan, corner, rail=True)[floor_plan.cell(2, 0)]
+    assert to_and_from(floor_plan, middle, rail=True)[middle]
+
+
 def test_rails_enter_storage_along_the_way_they_are_on() -> None:
     passing, turning = picture("+.+", "#p#"), picture("+++", "#p#")
     pod, ahead = passing.cell(1, 1), passing.cell(1, 0)

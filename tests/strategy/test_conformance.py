@@ -15,7 +15,14 @@ from typing import Any
 import pytest
 
 from automaton.commands.check_strategy_command import keep
-from automaton.conformance import CONFORMANCE_CHECKS, FAILS, CheckRequest, Children, checked
+from automaton.conformance import (
+    CONFORMANCE_CHECKS,
+    FAILS,
+    MAX_DEATHS,
+    CheckRequest,
+    Children,
+    checked,
+)
 from automaton.conformance.new_project import LAYERS, write_project
 from automaton.conformance.random_cases import KINEMATICS, random_case
 from automaton.conformance.strategy_checks import (
@@ -90,6 +97,7 @@ def test_a_broken_strategy_fails_its_own_check(name: str) -> None:
 
 def test_hashes_and_a_crash_are_noticed_between_processes() -> None:
     with Children() as children:
+        children.pair[0].deaths = MAX_DEATHS  # by another strategy
         assert failing("HashOrder", "repeats", 0, children) == ["repeats"]
         task = {"layer": None, "strategy": "broken_strategies:Dies", "seed": 1, "timeout": 60}
         task |= {"scenario": None, "parameters": None, "check": "contract", "case": 0}

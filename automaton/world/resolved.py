@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import msgspec
 
 from automaton.errors import InvalidValueError
-from automaton.floor.floor_plan import FloorPlan
+from automaton.floor.floor_plan import CHARGER, FloorPlan
 from automaton.scenario.order_lines import Day, carries_pods, pod_cells, pod_names
 from automaton.scenario.refinement import refined, refined_value, too_long
 from automaton.scenario.schema import LAYER_NAMES, Scenario
@@ -23,6 +23,7 @@ from automaton.strategy.lookup import NoParameters, ZoningParameters, zoning_par
 from automaton.units import count
 from automaton.world.capabilities import FleetOnFloor, Start
 from automaton.world.floor_parts import all_station_names, with_speed_limits
+from automaton.world.gate_cells import cells_of, gates_of
 
 
 class StrategyChoice(NamedTuple):
@@ -124,6 +125,22 @@ class Resolved:
         if not carries_pods(self.scenario, self.floor_plan):
             return ()
         return all_station_names(self.scenario, self.floor_plan)
+
+    @cached_property
+    def place_names(self) -> dict[int, str]:
+        """The names of stations, chargers, doors, lifts and closings, such as "door 1", by flat cell."""
+        plan = self.floor_plan
+        stations = all_station_names(self.scenario, plan)
+        names = {
+            cell: f"station {name}"
+            for cell, name in zip(plan.stations.tolist(), stations, strict=True)
+        }
+        chargers = (plan.kind.reshape(-1) == CHARGER).nonzero()[0].tolist()
+        names |= {cell: f"charger {number}" for number, cell in enumerate(chargers, 1)}
+        for gate in gates_of(self.scenario.floor):
+            if not gate.name.startswith("block"):
+                names |= dict.fromkeys(cells_of(gate, plan), gate.name)
+        return names
 
     def __reduce__(self) -> Any:
         """Unpickling refines the coarse scenario again: fine values would not pass the checks."""

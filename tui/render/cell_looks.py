@@ -303,7 +303,27 @@ def empty_floor(
 ) -> Codes:
     """(rows, columns, height x width) read-only; cached while the camera stays."""
     looks = floor.looks[seen.top : seen.bottom, seen.left : seen.right]
-    return cell_codes(glyphs, width, height)[looks]
+    codes = cell_codes(glyphs, width, height)[looks]
+    for cell, name in floor.place_names.items():
+        y, x = divmod(cell, floor.floor_plan.stride)
+        if seen.top <= y < seen.bottom and seen.left <= x < seen.right:
+            write_name(codes[y - seen.top, x - seen.left], name, glyphs, width, height)
+    return codes
+
+
+def write_name(cell: Codes, name: str, glyphs: GlyphSet, width: int, height: int) -> None:
+    """Write the name of a place beside its sign or, in cells of three rows, below it."""
+    kind, _, short = name.partition(" ")
+    at = sign_place(width, height)
+    signs = {"door": glyphs.open_door, "lift": glyphs.lift, "closing": glyphs.closing}
+    if kind in signs:
+        cell[at] = code(style(styles.COLOUR_TURNTABLE, styles.COLOUR_FLOOR), signs[kind])
+    room = width - 1 - at % width
+    if height > 2:
+        at, room = at + width - 1 - len(short) // 2, width - 2
+    if kind != "closing" and len(short) <= room:
+        dim = style(styles.COLOUR_DIM, styles.COLOUR_FLOOR)
+        cell[at + 1 : at + 1 + len(short)] = code(dim, np.array(styles.text(short)))
 
 
 class Canvas:

@@ -105,7 +105,18 @@ def compose(scene: Scene, camera: Camera, glyphs: GlyphSet, out: Codes | None = 
     if (rows, columns) != out.shape:
         out[:] = code(style(styles.COLOUR_VOID, styles.COLOUR_VOID), glyphs.blank)
     out[top : top + rows, left : left + columns] = part[:rows, :columns]
+    write_levels(out, scene.floor, camera)
     return out
+
+
+def write_levels(out: Codes, floor: ShownFloor, camera: Camera) -> None:
+    """Write the names of levels above the floor, where there is a blank row."""
+    for name, cell in floor.levels if camera.top < 0 else ():
+        place = camera.place_of(cell)
+        if place is not None and place[0]:
+            words = np.array(styles.text(name)[: camera.columns - place[1]], np.uint32)
+            dim = style(styles.COLOUR_DIM, styles.COLOUR_VOID)
+            out[-camera.top - 1, place[1] : place[1] + len(words)] = code(dim, words)
 
 
 def with_half_rows(rows: Codes, glyphs: GlyphSet) -> Codes:

@@ -48,6 +48,9 @@ class ShownFloor:
     faults: bool = False  # robots may break down
     routing: str = ""  # the strategy; "": unknown
     type_names: tuple[str, ...] = ()  # of robots; (): all are alike
+    # Of stations, chargers, doors, lifts and closings, such as "door 1", by cell.
+    place_names: dict[int, str] = field(default_factory=dict)
+    levels: tuple[tuple[str, int], ...] = ()  # names of levels, and their first cells
 
     @cached_property
     def looks(self) -> Looks:
@@ -85,6 +88,11 @@ def floor_of(resolved: Resolved) -> ShownFloor:
         faults=bool(scenario.faults.listed or scenario.faults.probability),
         routing=routing if isinstance(routing, str) else str(routing.get("name", "")),
         type_names=tuple(kind.name for kind in scenario.fleet.types),
+        place_names=resolved.place_names,
+        levels=tuple(
+            (name, resolved.floor_plan.cell(*level.first))
+            for name, level in scenario.floor.levels.items()
+        ),
     )
 
 

@@ -131,6 +131,9 @@ class GlyphSet:
     left_load: Final = _shape("▬", "*")  # on the floor, where a robot had to leave it
     closed: Final = _shape("⊠", "x")  # no robot enters
     door: Final = _shape("⊟", "D")  # shut
+    open_door: Final = _shape("⋂", '"')
+    lift: Final = _shape("⇅", "L")
+    closing: Final = _shape("⊝", ";")  # closed at times, for instance while people cross
     # Overlays.
     route: Final = _shape("∙", "o")
     trail: Final = _shape("∘", ",")

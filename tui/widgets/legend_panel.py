@@ -12,7 +12,7 @@ import numpy as np
 
 from automaton.drawings import looks
 from automaton.drawings.looks import DETAIL_OUTSIDE, DETAIL_SHIFT, KIND_MASK
-from automaton.engine.state import GATE_CLOSING, GATE_DOOR, STATUS_DEPLETED, STATUS_FAILED
+from automaton.engine.state import STATUS_DEPLETED, STATUS_FAILED
 from automaton.floor.floor_plan import CELL_KINDS, FLOOR, SHELF, STORAGE, TRACK, WALL
 from automaton.vocabulary import COLOUR_WORDS, CONDITION_WORDS
 from tui.playback.panel_view import Picture, View
@@ -197,14 +197,16 @@ def _robots(scene: Scene, zoom: Zoom, glyphs: GlyphSet) -> list[LegendLine]:
     if scene.floor.loads_may_lie:
         left = int(code(style(styles.COLOUR_LOADED, styles.COLOUR_FLOOR), glyphs.left_load))
         entries.append(LegendLine((left,), "load that a robot had to leave"))
-    gates = () if scene.snapshot is None else scene.snapshot.gates.kind
-    for kind, sign, name in (
-        (GATE_CLOSING, glyphs.closed, "closed cell"),
-        (GATE_DOOR, glyphs.door, "door that is shut"),
+    kinds = {name.partition(" ")[0] for name in scene.floor.place_names.values()}
+    for kind, sign, fg, name in (
+        ("closing", glyphs.closed, styles.COLOUR_FAULT, "closed now"),
+        ("closing", glyphs.closing, styles.COLOUR_TURNTABLE, "closed at times"),
+        ("door", glyphs.door, styles.COLOUR_FAULT, "door that is shut"),
+        ("door", glyphs.open_door, styles.COLOUR_TURNTABLE, "door that is open"),
+        ("lift", glyphs.lift, styles.COLOUR_TURNTABLE, "lift"),
     ):
-        if kind in gates:
-            shut = int(code(style(styles.COLOUR_FAULT, styles.COLOUR_FLOOR), sign))
-            entries.append(LegendLine((shut,), name))
+        if kind in kinds:
+            entries.append(LegendLine((int(code(style(fg, styles.COLOUR_FLOOR), sign)),), name))
     if (scene.floor.floor_plan.capacity[scene.floor.floor_plan.drivable] != 1).any():
         several = style(styles.COLOUR_FLOOR, styles.COLOUR_ROBOT)
         entries.append(

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
-from render_scenes import composed, drawn, make_scene, text
+from render_scenes import camera_at, composed, drawn, make_scene, text
 
+from automaton.world.resolve import resolve
+from tui.render.camera import Camera
 from tui.render.compose import compose
-from tui.render.styles import ASCII
+from tui.render.scene import Scene, floor_of
+from tui.render.styles import ASCII, UNICODE
 
 
 def test_closed_cells_and_shut_doors_have_signs_of_their_own() -> None:
@@ -18,3 +21,22 @@ def test_closed_cells_and_shut_doors_have_signs_of_their_own() -> None:
     assert text(codes)[2] == "⊠" and text(codes)[4] == "⊟"
     signs = text(compose(scene, camera, ASCII), ASCII)
     assert signs[2] == "x" and signs[4] == "D"
+
+
+def test_doors_lifts_closings_and_levels_of_a_bad_day_are_on_the_map() -> None:
+    resolved = resolve("bad-day")
+    camera = Camera(resolved.floor_plan, 31, 120)
+    shown = text(compose(Scene(floor_of(resolved)), camera, UNICODE))
+    assert camera.zoom.is_drawn and shown.count("⋂") == 1 and shown.count("⇅") == 3
+    assert shown.count("⊝") == 7, "an aisle of six cells that is cleaned, and people who cross"
+    assert "ground" in shown and "mezzanine" in shown
+
+
+def test_stations_and_chargers_have_their_names_where_there_is_room() -> None:
+    resolved = resolve("depots")
+    camera = Camera(resolved.floor_plan, 20, 80)
+    shown = text(compose(Scene(floor_of(resolved)), camera, UNICODE))
+    assert camera.zoom.name == "3x1.5"
+    assert all(f"⌂{number}" in shown for number in range(1, 14)) and "↯1" in shown
+    narrow = camera_at(resolved.floor_plan, "1x1")
+    assert "↯1" not in text(compose(Scene(floor_of(resolved)), narrow, UNICODE))

@@ -329,7 +329,7 @@ def test_a_picture_of_a_recording_shows_the_zones_that_robots_serve(tmp_path: Pa
     request = Request(layer="service-zones", color="none", ascii=True, size=(100, 40))
     make_picture([file], request, out, 20)
     drawn = out.read_text()
-    assert "d zone 1  e zone 2  f zone 3  T transfer station" in drawn
+    assert "f zone 1  g zone 2  h zone 3  T transfer station" in drawn
     assert "eeeeeee" in drawn and drawn.count("T") > 3
 
 

@@ -38,7 +38,7 @@ from tui.widgets.why_panel import Why
 
 SLOW = ("world={slowdown: zones}", "fleet.robots=5")
 AISLES = ".....\n.#.#.\n....."
-ZONES_PICTURE = ["+f+e+", "d%d%d", "+f+e+"]
+ZONES_PICTURE = ["+h+g+", "f%f%f", "+h+g+"]
 EXPLORED_PICTURE = [".....", ".=#=.", "....."]
 PREDICTED_PICTURE = [".....", "..-..", "....."]
 
@@ -322,7 +322,7 @@ def test_a_picture_of_a_recording_shows_them(layer: str, recording: Path) -> Non
     before, after = plain.read_text().splitlines(), laid.read_text().splitlines()
     assert f"{layer}  robot 1" in after[-3] + after[-2] + after[-1]
     assert before[:-2] != after[: len(before) - 2]
-    key = "a tint or letter (d e f) for each zone  touching ones differ"
+    key = "a tint or letter (f g h) for each zone  touching ones differ"
     assert (key in after[-1]) == (layer == "traffic-zones")
 
 
@@ -330,7 +330,7 @@ def test_a_drawing_of_zones_says_what_its_letters_mean(recording: Path) -> None:
     out = recording.with_name("zones.svg")
     make_picture([recording], Request(layer="traffic-zones", size=(80, 24)), out, 30)
     words = re.findall(r"<text[^>]*>([^<]*)</text>", out.read_text())
-    assert "a tint or letter (d e f) for each zone" in words and "touching ones differ" in words
+    assert "a tint or letter (f g h) for each zone" in words and "touching ones differ" in words
 
 
 def test_the_map_as_text_says_what_the_letters_of_zones_mean(
@@ -351,4 +351,4 @@ def test_the_map_as_text_says_what_the_letters_of_zones_mean(
     texts: list[str] = []
     asyncio.run(story())
     assert "for each zone" not in texts[0]
-    assert texts[1] == "a tint or letter (d e f) for each zone; touching ones differ"
+    assert texts[1] == "a tint or letter (f g h) for each zone; touching ones differ"

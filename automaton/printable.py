@@ -16,6 +16,7 @@ from typing import Any, Final, NoReturn, TextIO
 
 LONGEST_NAME: Final = 100  # characters
 LONGEST_SENTENCE: Final = 2000
+INDENT: Final = "  "  # of the second line of a sentence
 FORMULA_SIGNS: Final = ("=", "+", "-", "@", "\t", "\r")  # spreadsheets compute texts that begin so
 
 # C0, DEL and C1, other line ends, and characters that change the direction of writing.
@@ -72,14 +73,17 @@ def for_terminal(text: str) -> str:
 
 def wrapped_sentences(text: str) -> str:
     """Text in which the sentences of this program wrap at the width of the terminal."""
+    lines = text.split("\n")
+    return "\n".join(wrapped(line) if line.startswith("automaton: ") else line for line in lines)
+
+
+def wrapped(line: str) -> str:
+    """A line in as many lines as the terminal needs; with a word that fits in none, it stays as it is."""
     columns = shutil.get_terminal_size().columns
-    return "\n".join(
-        textwrap.fill(
-            line, columns, subsequent_indent="  ", break_long_words=False, break_on_hyphens=False
-        )
-        if line.startswith("automaton: ") and len(line) > columns
-        else line
-        for line in text.split("\n")
+    if len(line) <= columns or max(map(len, line.split())) > columns - len(INDENT):
+        return line
+    return textwrap.fill(
+        line, columns, subsequent_indent=INDENT, break_long_words=False, break_on_hyphens=False
     )
 
 

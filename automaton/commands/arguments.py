@@ -6,9 +6,7 @@ import argparse
 import contextlib
 import json
 import os
-import shutil
 import sys
-import textwrap
 from collections.abc import Callable, Iterator
 from fractions import Fraction
 from pathlib import Path
@@ -18,6 +16,7 @@ from automaton.atomic_write import atomic_writer, cannot_write_error
 from automaton.commands.status_line import STATUS_LINE
 from automaton.engine.jit.compile_progress import COMPILING
 from automaton.errors import InputError
+from automaton.printable import wrapped
 from automaton.scenario.document import Override, parse
 from automaton.scenario.quantities import is_clock_time
 from automaton.scenario.schema import MAX_REFINEMENT
@@ -254,13 +253,8 @@ def note(text: str) -> None:
 
 
 def say(text: str) -> None:
-    """Print a sentence; it wraps at blanks where the width of the terminal is known."""
-    if sys.stdout.isatty() or "COLUMNS" in os.environ:
-        columns = shutil.get_terminal_size().columns
-        text = textwrap.fill(
-            text, columns, subsequent_indent="  ", break_long_words=False, break_on_hyphens=False
-        )
-    print(text)
+    """Print a sentence; on a terminal it wraps at blanks."""
+    print(wrapped(text) if sys.stdout.isatty() else text)
 
 
 def show_line(text: str | Callable[[], str]) -> None:

@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 
 from automaton.commands import COMMANDS, arguments_of, main
+from automaton.commands.arguments import say
 from automaton.commands.status_line import (
     CLEARED,
     NEXT_COMMANDS,
@@ -100,6 +101,21 @@ def test_sentences_on_stderr_wrap_at_blanks_of_a_terminal(monkeypatch: pytest.Mo
         print("automaton: no such file as my-file.yaml here", file=PrintedText(stream, False))
     assert terminal.getvalue() == "automaton: no such file as\n  my-file.yaml here\n"
     assert pipe.getvalue() == "automaton: no such file as my-file.yaml here\n"
+
+
+def test_a_word_that_fits_in_no_line_is_left_in_its_sentence(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setenv("COLUMNS", "30")
+    monkeypatch.setattr(sys, "stdout", terminal := Terminal())
+    path = "/a/long/path/of/a/film/of/robots.gif"
+    say(f"{path}: 61 frames")
+    say("a.gif: 61 frames, 96,535 bytes, 5.0 s")
+    assert terminal.getvalue().splitlines() == [
+        f"{path}: 61 frames",
+        "a.gif: 61 frames, 96,535",
+        "  bytes, 5.0 s",
+    ]
 
 
 @pytest.mark.parametrize(

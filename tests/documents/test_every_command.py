@@ -34,7 +34,6 @@ COMMANDS = {
     "streets": "streets crossing --out {folder}/found --runs 96 --dry-run --workers 1",
     "tune": "tune tabletop-mini --budget 60 --workers 1",
     "bench": "bench --only tables --repeat 1",
-    "exported": "export goods-mini --lif {folder}/a.lif",
 }
 TIMES = re.compile(r"computed in \S+ ms|\(?[\d,.]+ (s|ms|minutes)\b\S*")
 DRAWN = re.compile(r"^[^A-Za-z]*$|[|+].*[|:o-]{3}|^ {8}")  # scales and curves, which do not wrap

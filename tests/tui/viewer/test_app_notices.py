@@ -192,6 +192,41 @@ def test_a_recording_says_whether_it_ended_or_was_cut_short(folder: Path) -> Non
     story(cut_short, recorded(cut))
 
 
+def test_on_the_way_to_a_tick_the_line_says_how_far_it_is_and_escape_stops_there() -> None:
+    async def tell(user: Watched) -> None:
+        user.app.clock.go_to(40_000_000)
+        await user.until(lambda: "going to 40,000,000: " in said(user.display.info))
+        await user.press("escape")
+        await user.until(lambda: "going" not in said(user.display.info))
+        assert user.session.goal is None and user.tick < 40_000_000
+
+    story(tell, mini("stop={when: never, max_duration: 50000000}"))
+
+
+def test_a_message_goes_with_the_next_key() -> None:
+    async def tell(user: Watched) -> None:
+        await user.press("d")
+        await user.until(lambda: "no deadlock so far" in said(user.display.info))
+        await user.press("plus")
+        await user.until(lambda: "no deadlock" not in said(user.display.info))
+
+    story(tell)
+
+
+def test_a_run_that_can_only_repeat_a_deadlock_says_so_and_leads_to_its_beginning() -> None:
+    async def tell(user: Watched) -> None:
+        user.app.clock.go_to(9000)
+        await user.until(
+            lambda: "deadlock since tick 158 can only repeat" in said(user.display.info)
+        )
+        assert said(user.display.status).rstrip().endswith("deadlocked")
+        await user.press("d")
+        await user.until(lambda: user.tick == 158)
+
+    stuck = resolve("tabletop-1", ("fleet.robots=5", "strategy.right_of_way=wait"))
+    story(tell, live(stuck, None))
+
+
 def test_short_notices_are_in_the_line_and_long_ones_over_the_map() -> None:
     async def tell(user: Watched) -> None:
         await user.at(120)

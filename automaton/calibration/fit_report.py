@@ -7,7 +7,6 @@ from typing import Any, Final
 
 from automaton.calibration.site_fits import HOUR, Estimate, SiteFits
 from automaton.documents.report_document import Heading, Listed, ReportDocument, Table, Text
-from automaton.units import count
 
 HEAD: Final = ("setting", "scenario", "fitted", "95 % interval", "unit", "from")
 
@@ -20,7 +19,7 @@ def fit_document(
     fitted = len(fits.estimates) + len(fits.slow)
     document.add(
         Text(
-            f"{count(fitted, 'value')} fitted, {len(fits.unsaid)} not: written to {out}.",
+            f"Values: {fitted} fitted, {len(fits.unsaid)} not; written to {out}.",
             strong=True,
         ),
         Listed([*read, fits.extent], mark=""),

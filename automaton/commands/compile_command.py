@@ -21,7 +21,6 @@ from automaton.scenario.schema import LAYER_NAMES, Measure
 from automaton.scenario.text_files import shipped
 from automaton.strategy import lookup
 from automaton.studies.sweeps.sweep_plan import check_study
-from automaton.units import count
 from automaton.world.resolve import Resolved, resolve
 
 COMPILED_TICKS = 100  # of each run: enough to pick, to drop, and to be measured
@@ -52,11 +51,9 @@ def run(args: argparse.Namespace) -> int:
         used |= {(layer, choice.name) for layer, choice in resolved.choices}
     if not args.file:
         used |= compile_others(used)
-    strategies = count(
-        sum(name != lookup.NO_STRATEGY for _, name in used), "strategy", "strategies"
-    )
+    strategies = sum(name != lookup.NO_STRATEGY for _, name in used)
     spent = f"{seconds_compiled():,.0f} s"
-    say(f"the world and {strategies}: compiled in {spent}, kept in {cache_root()}")
+    say(f"the world and strategies ({strategies}): compiled in {spent}, kept in {cache_root()}")
     return 0
 
 

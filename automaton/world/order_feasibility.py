@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 
-from automaton.engine.state import NIL
 from automaton.errors import Finding, Keys, alternatives
 from automaton.floor.floor_plan import (
     ANY_LOADS,
@@ -273,7 +272,7 @@ def closed_way(fleet: FleetOnFloor, cell: int) -> str:
     floor_plan, rail = fleet.floor_plan, fleet.types[0].rail
     homes = fleet.starts[0][:1].tolist()
     access = slot_access(floor_plan)[fleet.slot_of[cell]]
-    beside = access[access != NIL].tolist()
+    beside = access[access >= 0].tolist()
     there = [c for c in beside if reached(floor_plan, homes, rail)[c]]
     found = (
         closed_step(floor_plan, there, homes) if there else closed_step(floor_plan, homes, beside)

@@ -34,7 +34,7 @@ def test_the_points_of_a_study_are_compiled_and_counted(
         "factors: {fleet.robots: [1, 2], strategy.right_of_way: [retreat, wait]}\n"
     )
     assert main(["compile", str(study), "tabletop-1"]) == 0
-    assert capsys.readouterr().out.startswith("the world and 4 strategies: compiled in ")
+    assert capsys.readouterr().out.startswith("the world and strategies (4): compiled in ")
 
 
 def test_strategies_that_no_shipped_scenario_names_are_compiled_too() -> None:

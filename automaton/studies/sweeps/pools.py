@@ -28,7 +28,6 @@ from typing import Any, Final, NamedTuple, Protocol
 
 import numpy as np
 
-from automaton.engine.state import NIL
 from automaton.errors import InputError
 from automaton.runs.first_compilation import compiled_parts, cores
 from automaton.runs.headless import (
@@ -420,7 +419,7 @@ def numbers_of_periods(resolved: Resolved) -> int:
 def figures_of(simulation: Simulation, window: int, marks: CountedStretches) -> Row:
     """The columns of a row with the results of a run; `window`: its length in ticks, 0 for none."""
     orders = asked_orders(simulation.world)
-    delivered = orders.done[orders.done != NIL]
+    delivered = orders.done[orders.done >= 0]
     refinement = simulation.resolved.scenario.refine
     metrics = in_coarse_ticks(metrics_of(simulation, marks.warm_up), refinement)
     row: Row = {

@@ -108,9 +108,10 @@ class Environment:
             )
         check_number("worlds", worlds, 1, None)
         check_number("threads", threads, 1, worlds)
-        self.worlds, self.autoreset, self.drive = worlds, autoreset, drive
+        self.worlds, self.autoreset = worlds, autoreset
+        self.drive, self.handling = drive, handling
         self.channels, self.radius = tuple(channels) if radius is not None else (), radius
-        self._scenario, self._settings, self._handling = scenario, settings, handling
+        self._scenario, self._settings = scenario, settings
         self._resolved = resolved_for(scenario, settings, drive, handling=handling)
         limit = self._resolved.scenario.stop.max_duration
         self.max_ticks = limit if max_ticks is None else max_ticks
@@ -221,7 +222,7 @@ class Environment:
         course = np.zeros(len(Course.meanings), np.int64).view(Course)
         course.robots, course.actions = self.robots, self.actions_count
         course.drive = int(self.drive == "guided")
-        if self._handling == "action":
+        if self.handling == "action":
             course.drive |= (self.actions_count - 1) << HANDLE_SHIFT
         course.until_acting, course.max_ticks = int(until_acting), self.max_ticks
         losses = [weights[list(REWARDS).index(name)] for name in ("blocked", "energy")]
@@ -437,7 +438,7 @@ class Environment:
         if self._logs is None:
             raise InputError("only an environment made with log=True keeps actions to save")
         rows = self._logs[w].rows(int(self.ticks[w]), self.robots)
-        options = self.drive, text_of_actions(rows), self._handling
+        options = self.drive, text_of_actions(rows), self.handling
         save_episode(
             resolved_for(self._scenario, self._settings, *options),
             world.seed,

@@ -140,7 +140,8 @@ def enter_actions(view, batch, decisions, drive, actions, are_checked):
             begins = handle == 0 and is_at_goal(view, i)
             if not is_guided and robots.goal_type[U(i)] != GOAL_NONE and not begins:
                 out.command[U(k)], out.value[U(k)] = CMD_HOLD, NIL
-            elif is_guided and handle and is_at_goal(view, i):
+            elif is_guided and handle and robots.parked[U(i)] == 0 and is_at_goal(view, i):
+                # A parked robot may not wait: it begins at once.
                 out.command[U(k)], out.value[U(k)] = CMD_WAIT, 1
         elif action == handle:
             continue

@@ -23,6 +23,7 @@ import time
 import warnings
 from collections.abc import Iterator
 from functools import partial
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -80,9 +81,9 @@ def batches(name: str, seed: int, steps: int) -> str:
     return ""
 
 
-def repeated(name: str, seed: int, steps: int, drive: str) -> str:
+def repeated(name: str, seed: int, steps: int, drive: str, handling: str) -> str:
     """How a saved episode differs from a simulation; "" if it does not."""
-    env = Environment(name, 1, drive=drive, log=True)
+    env = Environment(name, 1, drive=drive, handling=handling, log=True)
     env.reset(seed=seed)
     digests(env, steps, 1)
     with tempfile.TemporaryDirectory() as folder:
@@ -108,6 +109,8 @@ def unlike_rules(env: Environment, w: int) -> str:
         bars += [bar_to_turn(world, i, turn) for turn in {1: (), 2: (1,), 4: (3, 1)}[headings]]
         if [bar == NIL for bar in bars] != mask[i, first : first + len(bars)].astype(bool).tolist():
             return f"robot {i}: mask {mask[i].tolist()}, rules {bars}"
+        if env.handling == "action" and mask[i, -1] != (robots.cell[i] == robots.goal_cell[i]):
+            return f"robot {i}: mask {mask[i].tolist()}, in its goal cell or not"
     return ""
 
 
@@ -118,7 +121,9 @@ def floors() -> Iterator[str]:
         seed += 1
         try:
             scenario = steering_trials.scenario_of("pibt", seed)
-            env = Environment(scenario, 4, drive=("free", "guided")[seed % 2], radius=1)
+            ways = {"drive": ("free", "guided")[seed % 2]}
+            ways |= {"handling": ("automatic", "action")[seed // 2 % 2]}
+            env = Environment(scenario, 4, **ways, radius=1)
         except InputError:
             continue
         floors_tried += 1
@@ -209,7 +214,8 @@ def main(steps: int, names: list[str]) -> int:
             print(f"{name}: {error}", flush=True)
             continue
         told = [batches(name, seed, steps) for seed in SEEDS]
-        told += [repeated(name, 1, min(steps, 100), drive) for drive in ("free", "guided")]
+        ways = product(("free", "guided"), ("automatic", "action"))
+        told += [repeated(name, 1, min(steps, 100), *way) for way in ways]
         told = [one for one in told if one]
         faults += len(told)
         seconds = time.process_time() - begun

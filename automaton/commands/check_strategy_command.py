@@ -6,12 +6,13 @@ Exit code 0: it conforms; 1: it does not; 2: bad input.
 from __future__ import annotations
 
 import argparse
+import sys
 from pathlib import Path
 from typing import Any
 
 import yaml
 
-from automaton.commands.arguments import add_json_argument, note, print_json, whole
+from automaton.commands.arguments import add_json_argument, note, print_json, show_line, whole
 from automaton.conformance import CONFORMANCE_CHECKS, FAILS, CheckRequest, Verdict, checked
 from automaton.documents.text_output import terminal_width
 from automaton.errors import InputError
@@ -71,7 +72,7 @@ def run(args: argparse.Namespace) -> int:
         parameters=parameters_of(args.parameters),
         timeout=args.strategy_timeout,
     )
-    verdict = checked(request, note)
+    verdict = checked(request, show_line if sys.stderr.isatty() else note)
     if args.keep is not None:
         keep(args.keep, request, verdict)
     if args.json:

@@ -30,8 +30,7 @@ from automaton.history.fleet_summary import summary_of
 from automaton.history.playback import Playback
 from automaton.recording.frames import Recording, resolved_of
 from automaton.recording.recording_reader import title_of
-from automaton.runs.metric_catalogue import time_shares
-from automaton.runs.metrics import uses_of_run
+from automaton.runs.metrics import time_shares, uses_of_run
 from automaton.runs.simulation import Simulation
 from automaton.scenario.text_files import is_recording
 from automaton.units import Unit, count, number, unit

@@ -24,6 +24,8 @@ from automaton.runs.simulation import Simulation
 EVENT_FIELDS = 5
 MAX_EVENTS: Final = 500_000  # 10 MB
 MAX_TICKS_KEPT: Final = 1000  # of deadlocks and of redesigns
+STRIP_BANDS: Final = 4  # bands of rows of the floor whose lost time the timeline shows
+STRIP_SAMPLES: Final = 4096
 MAX_CURVE_ROWS: Final = 1 << 18  # 3 MB; shorter runs keep a row for every tick
 
 
@@ -184,6 +186,37 @@ class EventHistory:
     def index_at(self, tick: int) -> int:
         """The number of stored events up to and including a tick."""
         return self.log.index_at(tick)
+
+
+class LostByRows:
+    """The robot ticks lost in bands of rows of the floor, over time; samples are thinned."""
+
+    def __init__(self, cells: int, stride: int) -> None:
+        """`cells`: of the floor with its border; `stride`: cells in a row."""
+        self._stride = stride
+        height = cells // stride - 2  # without the border
+        self._starts = 1 + np.unique(np.arange(STRIP_BANDS) * height // STRIP_BANDS)
+        self._log = AppendLog(1 + len(self._starts), 2 * STRIP_SAMPLES)
+
+    @property
+    def rows(self) -> Array:
+        """(N, 1 + bands) int32: a tick, and the sum of each band, from the top, up to there."""
+        return self._log.log.rows
+
+    def look(self, simulation: Simulation) -> None:
+        """Take a sample, if the tick is later than that of the last one."""
+        before = self.rows
+        if len(before) and before[-1, 0] >= simulation.tick:
+            return
+        if len(before) >= STRIP_SAMPLES:
+            self._log = AppendLog(before.shape[1], 2 * STRIP_SAMPLES)
+            self._log.append(before[1::2])
+        lost = simulation.observation.lost_ticks_by_cell[:, codes.LOST_EVER].reshape(
+            -1, self._stride
+        )
+        sums = np.add.reduceat(lost.sum(1, dtype=np.int64)[:-1], self._starts)
+        sample = np.minimum((simulation.tick, *sums), np.iinfo(np.int32).max)
+        self._log.append(sample.reshape(1, -1))
 
 
 def event_of(row: Array) -> Event:

@@ -5,12 +5,8 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 
-import numpy as np
-from numpy.typing import NDArray
-
-from automaton.engine.observation import LOST_EVER
 from automaton.floor.floor_plan import FloorPlan
-from automaton.history.event_history import AppendLog, EventHistory
+from automaton.history.event_history import EventHistory, LostByRows
 from automaton.history.playback import Keyframes, Playback
 from automaton.recording.contents import Content
 from automaton.recording.frames import Recording, StoredFrames, changed, resolved_of
@@ -21,37 +17,7 @@ from automaton.world.resolved import Resolved
 
 COMPUTE_SLICE_S = 0.005  # computing time between two checks of the clock
 KEYFRAME_S = 0.03  # computing time between two keyframes; limits the cost of going back
-STRIP_BANDS = 4  # bands of rows of the floor whose lost time the timeline shows
-STRIP_SAMPLES = 4096
 KEYFRAME_TIME_RATIO = 10  # least computing time between keyframes, in costs of the last keyframe
-
-
-class LostByRows:
-    """The robot ticks lost in bands of rows of the floor, over time; samples are thinned."""
-
-    def __init__(self, floor_plan: FloorPlan) -> None:
-        self._stride = floor_plan.stride
-        height = floor_plan.kind.size // self._stride - 2  # without the border
-        self._starts = 1 + np.unique(np.arange(STRIP_BANDS) * height // STRIP_BANDS)
-        self._log = AppendLog(1 + len(self._starts), 2 * STRIP_SAMPLES)
-
-    @property
-    def rows(self) -> NDArray[np.int32]:
-        """(N, 1 + bands) int32: a tick, and the sum of each band, from the top, up to there."""
-        return self._log.log.rows
-
-    def look(self, simulation: Simulation) -> None:
-        """Take a sample, if the tick is later than that of the last one."""
-        before = self.rows
-        if len(before) and before[-1, 0] >= simulation.tick:
-            return
-        if len(before) >= STRIP_SAMPLES:
-            self._log = AppendLog(before.shape[1], 2 * STRIP_SAMPLES)
-            self._log.append(before[1::2])
-        lost = simulation.observation.lost_ticks_by_cell[:, LOST_EVER].reshape(-1, self._stride)
-        sums = np.add.reduceat(lost.sum(1, dtype=np.int64)[:-1], self._starts)
-        sample = np.minimum((simulation.tick, *sums), np.iinfo(np.int32).max)
-        self._log.append(sample.reshape(1, -1))
 
 
 class WatchedRun:
@@ -74,7 +40,7 @@ class WatchedRun:
         self._since_keyframe = 0.0
         self._keyframe_took = 0.0
         self._at = 0
-        self.lost = LostByRows(resolved.floor_plan)
+        self.lost = LostByRows(resolved.floor_plan.kind.size, resolved.floor_plan.stride)
         self._strip_at = 0.0  # earliest time of the next sample
         self.marks = PeriodMarks(ticks_of_period(resolved, None))  # at the front
 

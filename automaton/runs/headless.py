@@ -48,6 +48,7 @@ from automaton.runs.metrics import (
     metrics_of,
     sums_of_orders,
     sums_of_parts,
+    time_shares,
     uses_of_run,
 )
 from automaton.runs.periods import Period, PeriodMarks
@@ -69,7 +70,7 @@ from automaton.runs.task_metrics import (
     tasks_after,
 )
 from automaton.scenario.unavailable_metrics import warm_up_of
-from automaton.units import count
+from automaton.units import count, number, percent
 from automaton.world.resolved import Resolved, StrategyChoice
 
 # Ticks between two checks of the clock and of Ctrl-C. A multiple of the ticks that a recording buffers,
@@ -139,12 +140,29 @@ class Outcome(NamedTuple):
         return self.recording.film(**options)
 
     def _repr_html_(self) -> str:
-        """Show the floor at the end, and how the run ended, in a notebook."""
+        """Show the floor at the end, how the run ended, and its main metrics, in a notebook."""
         words = f"finished in tick {self.ticks:,}"
         if not self.finished:
             words = f"not finished in {count(self.ticks, 'tick')}: {self.diagnosis}"
         shown = "" if self.picture is None else self.picture._repr_html_()
-        return f"{shown}<p>{escape(words)}</p>"
+        rows = "".join(
+            f"<tr><th style='text-align:left'>{name}</th><td>{value}</td></tr>"
+            for name, value in self.main_metrics()
+        )
+        return f"{shown}<p>{escape(words)}</p><table>{rows}</table>"
+
+    def main_metrics(self) -> list[tuple[str, str]]:
+        """The metrics that matter first, in words, with times in ticks."""
+        metrics, shares = self.metrics, {name: share for name, share, _ in time_shares(self.uses)}
+        rows = [("delivered", f"{self.delivered:,} of {count(self.orders, 'order')}")]
+        rows += [("throughput", f"{number(metrics['throughput'])} orders in 1,000 ticks")]
+        if "lead_time" in metrics:
+            mean, p95 = (number(metrics[name]) for name in ("lead_time", "lead_time_p95"))
+            rows += [("lead time", f"mean {mean} ticks, 95th percentile {p95}")]
+        if "late_share" in metrics:
+            rows += [("late", percent(metrics["late_share"]))]
+        rows += [("on orders", f"{percent(metrics['utilization'])} of robot time")]
+        return [*rows, ("in traffic", f"{percent(shares.get('traffic', 0))} of robot time")]
 
 
 def run_to_end(

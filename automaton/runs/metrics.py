@@ -52,6 +52,7 @@ from automaton.engine.state import (
     World,
 )
 from automaton.runs.metric_catalogue import METRIC_CATALOGUE as METRIC_CATALOGUE
+from automaton.runs.metric_catalogue import time_shares as time_shares
 from automaton.runs.metric_sums import LOST_TICK_SUMS, metric
 from automaton.runs.progress import asked_orders, has_lines, oldest_order, starved_robots
 from automaton.runs.task_metrics import (

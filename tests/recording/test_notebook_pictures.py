@@ -45,7 +45,9 @@ def test_a_simulation_shows_its_floor_and_robots() -> None:
 def test_an_outcome_shows_the_end_and_how_the_run_ended(recorded: Outcome) -> None:
     page = recorded._repr_html_()
     assert robots(page) == 4 and "tick 205, 16 of 16 orders done" in page
-    assert page.endswith("<p>finished in tick 205</p>")
+    assert "<p>finished in tick 205</p>" in page
+    assert "<td>16 of 16 orders</td>" in page and "orders in 1,000 ticks</td>" in page
+    assert len(recorded.main_metrics()) == page.count("<tr>") <= 6
 
 
 def test_a_recording_shows_any_tick(recorded: Outcome, tmp_path: Path) -> None:

@@ -132,6 +132,9 @@ _FIXED: Final = (
             Action(
                 "jam", "J", "Jam", "the largest jam: robots without progress, n goes through them"
             ),
+            Action(
+                "bottleneck", "y", "Bottleneck", "the three places that cost most time, in turn"
+            ),
             Action("clear", "escape", "Clear", "clear selection, matches, following"),
             Action("breakpoints", "b", "Stops", "conditions that stop the run", True, 20),
             Action("branch", "B", "Branch", "go on with other settings from here", place=20),

@@ -247,7 +247,8 @@ def ghosts_of(playback: PlaybackState, side: int) -> NDArray[np.int32]:
         return NO_CELLS
     here, there = (playback.snapshots[one].robots.cell for one in (side, 1 - side))
     both = min(len(here), len(there))
-    return there[:both][(here[:both] != there[:both]) & (there[:both] != NIL)]
+    differs = (here[:both] != there[:both]) & (there[:both] != NIL)
+    return np.asarray(there[:both][differs], np.int32)
 
 
 def _cursor(choice: Choice) -> int | None:

@@ -5,6 +5,7 @@ Where robots carry pods, the orders of the world are trips; a customer order is 
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -27,7 +28,7 @@ from automaton.engine.state import (
     Orders,
     World,
 )
-from automaton.floor.floor_plan import FloorPlan
+from automaton.floor.floor_plan import FLOOR, TRACK, TURNTABLE, FloorPlan
 
 
 class AskedOrders(NamedTuple):
@@ -243,3 +244,92 @@ def _pairs(keys: Array, order: Array, offset: int) -> tuple[Array, Array]:
     place = np.minimum(np.searchsorted(keys, ahead, sorter=order), len(keys) - 1)
     near = keys[order[place]] == ahead
     return np.flatnonzero(near), order[place[near]]
+
+
+# The places where most time is lost.
+
+
+MAX_BOTTLENECKS: Final = 3
+BOTTLENECK_REACH: Final = (
+    2  # largest distance in rows and in columns of a cell from the place's centre
+)
+MAX_CANDIDATES: Final = 500  # cells with most lost time that may be centres
+MIN_AISLE: Final = 3  # cells
+NAMED_REACH: Final = 3  # largest distance of a named place
+
+
+class Bottleneck(NamedTuple):
+    """A place where robots lose time."""
+
+    cell: int  # its centre
+    ticks: int  # robot ticks lost there
+    share: float  # of all lost time
+    place: str  # in words
+
+
+def bottlenecks(
+    lost: Array, floor_plan: FloorPlan, place_names: dict[int, str]
+) -> tuple[Bottleneck, ...]:
+    """The places that cost most time, the worst first. `lost`: (C,) robot ticks lost in each cell."""
+    left, total, worst = lost.astype(np.int64), int(lost.sum()), []
+    side = np.arange(-BOTTLENECK_REACH, BOTTLENECK_REACH + 1)
+    around = (side[:, None] * floor_plan.stride + side).reshape(-1)
+    for _ in range(MAX_BOTTLENECKS):
+        cells = np.flatnonzero(left)
+        if not len(cells):
+            break
+        if len(cells) > MAX_CANDIDATES:
+            most = np.argpartition(left[cells], -MAX_CANDIDATES)[-MAX_CANDIDATES:]
+            cells = np.sort(cells[most])
+        near = np.clip(cells[:, None] + around, 0, len(left) - 1)
+        here = near[int(np.argmax(left[near].sum(axis=1)))]
+        centre = int(here[np.argmax(left[here])])
+        ticks = int(left[np.unique(here)].sum())
+        place = place_words(centre, floor_plan, place_names)
+        worst.append(Bottleneck(centre, ticks, ticks / total, place))
+        left[here] = 0
+    return tuple(worst)
+
+
+def place_words(cell: int, floor_plan: FloorPlan, place_names: dict[int, str]) -> str:
+    """A place in words: a named place near it, else its aisle or a mouth of it, else a crossing."""
+    y, x = divmod(cell, floor_plan.stride)
+    at = floor_plan.xy(cell)
+    distance = {
+        name: max(abs(one // floor_plan.stride - y), abs(one % floor_plan.stride - x))
+        for one, name in place_names.items()
+    }
+    nearest = min(distance, key=distance.__getitem__, default="")
+    if nearest and distance[nearest] <= NAMED_REACH:
+        return f"{nearest}, {at}" if not distance[nearest] else f"before {nearest}, {at}"
+    aisles = aisles_of(floor_plan)
+    inside = int(aisles[cell])
+    beside = aisles[[cell + 1, cell + floor_plan.stride, cell - 1, cell - floor_plan.stride]]
+    if inside and (beside == inside).sum() == 2:
+        return f"aisle {inside}, {at}"
+    number = inside or int(beside.max())
+    return f"mouth of aisle {number}, {at}" if number else f"crossing {at}"
+
+
+@lru_cache(maxsize=4)
+def aisles_of(floor_plan: FloorPlan) -> Array:
+    """(C,) int32 the number of the aisle of each cell, in reading order from 1; 0: none.
+
+    An aisle is straight and one cell wide, with at least MIN_AISLE cells.
+    """
+    way = np.isin(floor_plan.kind, (FLOOR, TRACK, TURNTABLE))
+    number = np.zeros(way.shape, np.int64)
+    for axis in (0, 1):  # along columns, along rows
+        along, across = ([np.roll(way, step, one) for step in (1, -1)] for one in (axis, 1 - axis))
+        inside = way & ~across[0] & ~across[1] & (along[0] | along[1])
+        begins = inside & ~np.roll(inside, 1, axis)
+        order = begins.T if axis == 0 else begins
+        run = np.cumsum(order).reshape(order.shape)
+        run = (run.T if axis == 0 else run) * inside
+        long = np.bincount(run.reshape(-1)) >= MIN_AISLE
+        first = np.zeros(len(long), np.int64)  # each run's first cell, plus 1
+        first[run[begins]] = np.flatnonzero(begins) + 1
+        number = np.where(inside & long[run], first[run], number)
+    names = np.unique(number[number > 0])
+    found = np.searchsorted(names, number) + 1
+    return np.where(number, found, 0).astype(np.int32).reshape(-1)

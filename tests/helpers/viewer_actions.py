@@ -162,6 +162,15 @@ async def deadlock(user: Watched) -> None:
 
 
 @check
+async def bottleneck(user: Watched) -> None:
+    await user.at(500)
+    (worst, *_) = user.session.playback.figures[0].bottlenecks
+    await press(user, "bottleneck")
+    await user.until(lambda: f"1 {worst.place}: " in said(user.display.info))
+    assert user.session.choice.cell == worst.cell == user.session.scene().bottlenecks[0]
+
+
+@check
 async def next_robot(user: Watched) -> None:
     user.session.choose(2)
     await press(user, "next_robot")

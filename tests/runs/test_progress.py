@@ -14,8 +14,10 @@ from automaton.engine.state import (
     GOAL_PICK,
     ORDER_WAITING,
 )
+from automaton.floor.drawn_floors import draw_floor
 from automaton.runs.progress import (
     _groups,
+    bottlenecks,
     largest_jam,
     oldest_order,
     starved_robots,
@@ -126,3 +128,17 @@ def test_robots_within_two_rows_and_columns_are_one_group_and_so_are_theirs(pict
     for name, number in zip(names, group.tolist(), strict=True):
         members[number] = members.get(number, "") + name
     assert list(members.values()) == groups
+
+
+def test_places_that_cost_most_time_are_named_by_what_is_near() -> None:
+    plan = draw_floor("........\n" + ".s.ss.s.\n" * 4 + "...tc...")
+    lost = np.zeros(plan.kind.size, np.int32)
+    for x, y, ticks in ((2, 1, 50), (2, 0, 10), (7, 3, 30), (3, 5, 6), (3, 4, 4)):
+        lost[plan.cell(x, y)] = ticks
+    worst = bottlenecks(lost, plan, {plan.cell(3, 5): "station 1"})
+    assert [(one.place, one.ticks, one.share) for one in worst] == [
+        ("mouth of aisle 2, (2, 1)", 60, 0.6),
+        ("aisle 4, (7, 3)", 30, 0.3),
+        ("station 1, (3, 5)", 10, 0.1),
+    ]
+    assert bottlenecks(np.zeros_like(lost), plan, {}) == ()

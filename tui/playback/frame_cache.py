@@ -117,6 +117,7 @@ class Pictures:
             lines=choice.lines,
             marked=found if len(found) else differing(playback),
             ghosts=ghosts_of(playback, side),
+            bottlenecks=choice.bottlenecks if side == choice.side else (),
         )
 
     def take_zones(self, resolved: Resolved) -> bool:
@@ -246,8 +247,8 @@ def ghosts_of(playback: PlaybackState, side: int) -> NDArray[np.int32]:
         return NO_CELLS
     here, there = (playback.snapshots[one].robots.cell for one in (side, 1 - side))
     both = min(len(here), len(there))
-    cells: NDArray[np.int32] = there[:both][(here[:both] != there[:both]) & (there[:both] != NIL)]
-    return cells
+    differs = (here[:both] != there[:both]) & (there[:both] != NIL)
+    return np.asarray(there[:both][differs], np.int32)
 
 
 def _cursor(choice: Choice) -> int | None:

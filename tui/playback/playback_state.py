@@ -9,6 +9,7 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 
+from automaton.engine.observation import LOST_EVER
 from automaton.engine.state import NIL, Array
 from automaton.history.divergence import Divergence
 from automaton.history.playback import Playback
@@ -16,7 +17,7 @@ from automaton.history.snapshot import Snapshot
 from automaton.history.watched_run import WatchedRun
 from automaton.runs.metrics import OPERATION_STATES, executed_ticks, metrics_of, uses_of_run
 from automaton.runs.periods import Period
-from automaton.runs.progress import Jam, largest_jam, starved_robots
+from automaton.runs.progress import Bottleneck, Jam, bottlenecks, largest_jam, starved_robots
 from automaton.runs.simulation import Simulation
 from tui.registration import layer_named
 
@@ -76,6 +77,7 @@ class RunFigures:
     active: Array  # (n,) float64: share of active ticks
     starved: Array  # (k,) identities of starved robots, ascending
     jam: Jam | None  # the largest group of these that stands together
+    bottlenecks: tuple[Bottleneck, ...]  # where most time was lost, the worst first
     periods: tuple[Period, ...]  # that have ended by then
     uses: dict[str, int]  # robot ticks by use
 
@@ -89,17 +91,10 @@ def figures_of(run: WatchedRun) -> RunFigures:
     operations = world.tally.operations[by_identity][:, OPERATION_STATES].sum((1, 2))
     starved = np.sort(world.robots.identity[starved_robots(world)])
     jam = largest_jam(world, run.floor_plan)
-    periods = tuple(run.periods())
-    return RunFigures(
-        tick=shown.tick,
-        metrics=metrics_of(shown),
-        operations=operations,
-        active=active,
-        starved=starved,
-        jam=jam,
-        periods=periods,
-        uses=uses_of_run(shown),
-    )
+    lost = shown.observation.lost_ticks_by_cell[:, LOST_EVER]
+    worst = bottlenecks(lost, run.floor_plan, run.resolved.place_names)
+    figures = shown.tick, metrics_of(shown), operations, active
+    return RunFigures(*figures, starved, jam, worst, tuple(run.periods()), uses_of_run(shown))
 
 
 class RecordedCells:

@@ -170,9 +170,9 @@ def shape_glyphs(glyphs: GlyphSet) -> NDArray[np.uint32]:
 
 @lru_cache(maxsize=4)
 def number_glyphs(glyphs: GlyphSet, robots: int, width: int) -> NDArray[np.uint32]:
-    """(robots, width) the digits of each identity, then blanks; only blanks where it does not fit."""
+    """(robots, width) the digits of each identity, then blanks; only blanks if not all fit."""
     table = np.full((robots, width), glyphs.blank, np.uint32)
-    for identity in range(min(robots, 10**width)):
+    for identity in range(robots if robots <= 10**width else 0):
         for column, digit in enumerate(str(identity)):
             table[identity, column] = glyphs.digits[int(digit)]
     return table

@@ -124,6 +124,7 @@ class Scene:
     marked_cells: NDArray[np.int32] = field(default_factory=lambda: NO_CELLS)
     # Cells of robots that are elsewhere in the run beside this one.
     ghosts: NDArray[np.int32] = field(default_factory=lambda: NO_CELLS)
+    bottlenecks: tuple[int, ...] = ()  # cells, numbered from 1
     zone: int = NIL  # its cells are marked
     colouring: str = "state"  # a key of tui.render.drawn_robots.COLOURINGS
     trails: NDArray[np.int32] = field(default_factory=lambda: NO_CELLS)  # (n, k) cells, or NIL
@@ -234,6 +235,7 @@ class Choice:
     layer: str = ""
     least: int = 2  # minimum number of paths in the layer "predicted"
     side: int = 0  # index of the run that the panels show
+    bottlenecks: tuple[int, ...] = ()  # cells, numbered from 1 on the map
     following: bool = False
     route: bool = True
     minimap: bool = True

@@ -150,6 +150,7 @@ class FindActions:
             "next_difference": self._go_to_difference,
             "jam": self._go_to_jam,
             "deadlock": self._go_to_deadlock,
+            "bottleneck": self._go_to_bottleneck,
             "clear": self._clear,
         }
 
@@ -295,6 +296,24 @@ class FindActions:
         else:
             session.notify("no deadlock so far")
 
+    def _go_to_bottleneck(self) -> None:
+        """Number the three worst places on the map, and go to the next one."""
+        session = self._session
+        if not session.ready() or session.playback is None:
+            return
+        worst = session.playback.figures[session.choice.side].bottlenecks
+        if not worst:
+            session.notify("no bottleneck: no time has been lost so far")
+            return
+        cells = [one.cell for one in worst]
+        at = cells.index(session.choice.cell) if session.choice.cell in cells else NIL
+        at = (at + 1) % len(worst)
+        session.choice.bottlenecks = tuple(cells)
+        session.choose(cell=cells[at])
+        session.show_cell(cells[at])
+        one = worst[at]
+        session.notify(f"{at + 1} {one.place}: {100 * one.share:.0f} % of lost time")
+
     def _clear(self) -> None:
         if self._session.goal is not None and self._session.player is not None:
             self._session.goal = None  # on the way to a tick: stop there
@@ -302,6 +321,7 @@ class FindActions:
             self._session.ordered()
             return
         self._session.choose()
+        self._session.choice.bottlenecks = ()
         self._found, self._stepping = None, "events"
         self._session.choice.matches = self._session.choice.match_cells = NO_CELLS
         self._session.hovered, self._session.choice.card = NIL, False

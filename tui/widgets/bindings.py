@@ -134,6 +134,9 @@ _FIXED: Final = (
             ),
             Action("deadlock", "d", "Deadlock", "to the latest deadlock"),
             Action(
+                "bottleneck", "y", "Bottleneck", "the three places that cost most time, in turn"
+            ),
+            Action(
                 "clear",
                 "escape",
                 "Clear",

@@ -280,6 +280,10 @@ def _overlays(scene: Scene, zoom: Zoom, glyphs: GlyphSet) -> list[LegendLine]:
         if zoom.kind == "cells":
             entries.append(LegendLine((int(code(route, glyphs.stand)),), "where the route ends"))
     entries += path_entries(scene, glyphs)
+    if scene.bottlenecks:
+        mark = style(styles.COLOUR_FLOOR, styles.COLOUR_MARKED)
+        signs = tuple(int(code(mark, glyphs.digits[n + 1])) for n in range(len(scene.bottlenecks)))
+        entries.append(LegendLine(signs, "where most time was lost"))
     if scene.zone >= 0:
         entries.append(
             LegendLine(

@@ -330,7 +330,7 @@ def test_a_picture_of_a_recording_shows_the_zones_that_robots_serve(tmp_path: Pa
     make_picture([file], request, out, 20)
     drawn = out.read_text()
     assert "f zone 1  g zone 2  h zone 3  T transfer station" in drawn
-    assert "eeeeeee" in drawn and drawn.count("T") > 3
+    assert "ggggggg" in drawn and drawn.count("T") > 3
 
 
 def test_the_list_says_what_methods_of_zoning_are_for(capsys: pytest.CaptureFixture[str]) -> None:

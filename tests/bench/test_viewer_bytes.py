@@ -15,7 +15,7 @@ FRAMES = 40
 FRAMES_OF_NOBODY = 20
 ANSWER = "\x1b[?2026;2$y"  # of a terminal: it goes through the viewer's loop, and means nothing
 ANSWERS = 200
-LINES = 4  # below the map: what the mouse is over, metrics, time, keys
+LINES = 6  # below the map: what the mouse is over, metrics, time with its strip, keys
 
 WIDE = {"width": 198, "panels": False}
 LIMITS = [  # robots, size of the floor, bytes per frame at most

@@ -507,11 +507,11 @@ class MeasuredViewer:
 
 
 def cursor_colour() -> bytes:
-    """The sequence that sets the background of a selected cell."""
+    """The colour of a selected cell, as it is sent; in half blocks it is a foreground."""
     look = Look(Depth.TRUE, "dark")
     background = look.css(int(style(COLOUR_FLOOR_MARK, COLOUR_CURSOR)))[1].lstrip("#")
     red, green, blue = (int(background[k : k + 2], 16) for k in (0, 2, 4))
-    return f"48;2;{red};{green};{blue}".encode()
+    return f"8;2;{red};{green};{blue}".encode()
 
 
 def wall_style() -> bytes:

@@ -207,8 +207,8 @@ class TabStrip(Rows):
     def row(self, index: int) -> Line:
         keys = [key_text(panel.key.partition(",")[0]) for panel in self._panels]
         with_keys = sum(len(panel.tab) for panel in self._panels) + sum(map(len, keys))
-        room = self.width - 1  # a column stays free at the edge
-        has_keys = with_keys + 2 * len(keys) - 1 <= room
+        has_keys = with_keys + 2 * len(keys) - 1 <= self.width
+        room = self.width - 1  # wider gaps leave a column free at the edge
         total = with_keys + len(keys) if has_keys else with_keys - sum(map(len, keys))
         gap = max(1, min(MAX_TAB_GAP, (room - total) // max(1, len(keys) - 1)))
         spans: list[Span] = []

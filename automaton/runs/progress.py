@@ -258,7 +258,7 @@ MIN_AISLE: Final = 3  # cells
 NAMED_REACH: Final = 3  # largest distance of a named place
 
 
-class Bottleneck(NamedTuple):
+class SlowPlace(NamedTuple):
     """A place where robots lose time."""
 
     cell: int  # its centre
@@ -269,7 +269,7 @@ class Bottleneck(NamedTuple):
 
 def bottlenecks(
     lost: Array, floor_plan: FloorPlan, place_names: dict[int, str]
-) -> tuple[Bottleneck, ...]:
+) -> tuple[SlowPlace, ...]:
     """The places that cost most time, the worst first. `lost`: (C,) robot ticks lost in each cell."""
     left, total, worst = lost.astype(np.int64), int(lost.sum()), []
     side = np.arange(-BOTTLENECK_REACH, BOTTLENECK_REACH + 1)
@@ -286,7 +286,7 @@ def bottlenecks(
         centre = int(here[np.argmax(left[here])])
         ticks = int(left[np.unique(here)].sum())
         place = place_words(centre, floor_plan, place_names)
-        worst.append(Bottleneck(centre, ticks, ticks / total, place))
+        worst.append(SlowPlace(centre, ticks, ticks / total, place))
         left[here] = 0
     return tuple(worst)
 
@@ -331,5 +331,5 @@ def aisles_of(floor_plan: FloorPlan) -> Array:
         first[run[begins]] = np.flatnonzero(begins) + 1
         number = np.where(inside & long[run], first[run], number)
     names = np.unique(number[number > 0])
-    found = np.searchsorted(names, number) + 1
-    return np.where(number, found, 0).astype(np.int32).reshape(-1)
+    ranks = np.searchsorted(names, number) + 1
+    return np.where(number, ranks, 0).astype(np.int32).reshape(-1)

@@ -17,7 +17,7 @@ from automaton.history.snapshot import Snapshot
 from automaton.history.watched_run import WatchedRun
 from automaton.runs.metrics import OPERATION_STATES, executed_ticks, metrics_of, uses_of_run
 from automaton.runs.periods import Period
-from automaton.runs.progress import Bottleneck, Jam, bottlenecks, largest_jam, starved_robots
+from automaton.runs.progress import Jam, SlowPlace, bottlenecks, largest_jam, starved_robots
 from automaton.runs.simulation import Simulation
 from tui.registration import layer_named
 
@@ -77,7 +77,7 @@ class RunFigures:
     active: Array  # (n,) float64: share of active ticks
     starved: Array  # (k,) identities of starved robots, ascending
     jam: Jam | None  # the largest group of these that stands together
-    bottlenecks: tuple[Bottleneck, ...]  # where most time was lost, the worst first
+    bottlenecks: tuple[SlowPlace, ...]  # where most time was lost, the worst first
     periods: tuple[Period, ...]  # that have ended by then
     uses: dict[str, int]  # robot ticks by use
 

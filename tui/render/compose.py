@@ -379,10 +379,10 @@ def pixel_picture(scene: Scene, camera: Camera, glyphs: GlyphSet) -> Codes:
 
 def cells_of(part: PicturePart, camera: Camera) -> PicturePart:
     """The cells in part of an enlarged picture, as characters of the step "half"."""
-    zoom, seen, shown = camera.zoom, camera.visible(), camera.shown
+    zoom, visible, shown = camera.zoom, camera.visible(), camera.shown
     bottom = min(-(-part.bottom * zoom.down // zoom.height), camera.height)
-    top, left = (seen.top - shown.top) // 2, seen.left - shown.left
-    return PicturePart(top, left, -(-bottom // 2), seen.right - shown.left)
+    top, left = (visible.top - shown.top) // 2, visible.left - shown.left
+    return PicturePart(top, left, -(-bottom // 2), visible.right - shown.left)
 
 
 def enlarged(pixels: Colours, camera: Camera) -> Colours:

@@ -30,7 +30,7 @@ from tui.render.styles import (
     COLOUR_VOID,
     GLYPH_BITS,
     GLYPHS,
-    QUADRANTS,
+    QUARTER_SIGNS,
     Codes,
     GlyphSet,
     Look,
@@ -305,7 +305,7 @@ class _Drawing:
         for braille in re.finditer("[\u2801-\u28ff]", text):
             self._dots(fg, x + braille.start() * CHARACTER_WIDTH, y, ord(braille[0]) - 0x2800)
         for sign in re.finditer("[▌▐▖-▟]", text):
-            self._quarters(fg, x + sign.start() * CHARACTER_WIDTH, y, QUADRANTS.index(sign[0]))
+            self._quarters(fg, x + sign.start() * CHARACTER_WIDTH, y, QUARTER_SIGNS.index(sign[0]))
         for word in re.finditer(LETTER_RUNS, text):
             self._letters.setdefault((fg, bold), []).append(
                 f'<text x="{x + word.start() * CHARACTER_WIDTH}" y="{y + BASELINE}"'

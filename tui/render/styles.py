@@ -11,7 +11,7 @@ Unicode or in ASCII. Glyphs 32 to 126 are the printable ASCII characters themsel
               ! battery low  & the same, loaded  C charges  Z battery empty  X broken  * load
 
 No letter has two meanings, here or in drawings (automaton.drawings.shapes.CELL_LETTERS): floors are
-drawn in scenarios with the same letters for chargers, parking bays and stations.
+drawn in scenarios with the same letters for chargers, parking parking bays and stations.
 
 Every character is one column wide. Except for the blocks ▀ ▄ █ ▌, none is "ambiguous" in Unicode's
 table of East Asian widths: some terminals draw such characters two columns wide (▲ ▶ ● ─ →).
@@ -43,7 +43,7 @@ GLYPHS: Final = np.uint32((1 << GLYPH_BITS) - 1)
 
 _PRINTABLE: Final = " " * 32 + "".join(map(chr, range(32, 127))) + " "
 # By the quarters that are filled: 1 upper left, 2 upper right, 4 lower left, 8 lower right.
-QUADRANTS: Final = " ▘▝▀▖▌▞▛▗▚▐▜▄▙▟█"
+QUARTER_SIGNS: Final = " ▘▝▀▖▌▞▛▗▚▐▜▄▙▟█"
 BRAILLE: Final = "".join(map(chr, range(0x2800, 0x2900)))
 # By row and column of a dot; a character's index in BRAILLE is the sum over its set dots.
 DOT_BITS: Final = np.array([[0x01, 0x08], [0x02, 0x10], [0x04, 0x20], [0x40, 0x80]], np.uint8)
@@ -71,7 +71,7 @@ def _by_dots(ramp: str) -> str:
 
 
 def _by_quarters(quarters: str) -> str:
-    """For each braille pattern the character of QUADRANTS that covers its dots."""
+    """For each braille pattern the character of QUARTER_SIGNS that covers its dots."""
     masks = (0x03, 0x18, 0x44, 0xA0)
     return "".join(
         quarters[sum((pattern & mask != 0) << n for n, mask in enumerate(masks))]
@@ -146,7 +146,7 @@ class GlyphSet:
     full: Final = _shape("█", ":")
     braille: Final = _shapes(BRAILLE, _by_dots(" .:-=+*#@"))
     fleet: Final = _shapes(BRAILLE, _by_dots(" rrrRRRRR"))  # the dots of robots
-    fleet_quarters: Final = _shapes(_by_quarters(QUADRANTS), _by_quarters(" rrRrRRRrRRRRRRR"))
+    fleet_quarters: Final = _shapes(_by_quarters(QUARTER_SIGNS), _by_quarters(" rrRrRRRrRRRRRRR"))
     fleet_full: Final = _shape(" ", "R")  # a character filled by robots, by its background
     fleet_half: Final = _shapes("▀▄", "rr")  # its upper and its lower half
     lines: Final = _shapes(BRAILLE, _by_lines())  # outlines of drawn cells

@@ -33,6 +33,7 @@ MOMENTS: Final = {  # the tick of each picture
 DRAWN_ON_PAGES: Final = {  # scenarios that tutorials contain: the page, and the tick of the picture
     "my-floor": ("tutorials/your-own-floor.md", 60),
     "my-warehouse": ("tutorials/your-own-warehouse.md", 120),
+    "learning-floor": ("tutorials/learn-a-right-of-way.md", 60),
 }
 HEAD: Final = """<!-- Generated: `python docs/gallery.py` writes this page again. -->
 # Gallery

@@ -31,7 +31,6 @@ from automaton.recording.recorder import ObservedRecorder
 from automaton.runs.headless import Outcome, outcome_of
 from automaton.scenario.order_lines import plain_data
 from automaton.scenario.schema import LAYER_NAMES, Scenario, Units
-from automaton.units import count
 from automaton.world.resolve import Resolved, choose_strategies
 
 MAX_OBSERVED_TICKS: Final = 20_000_000
@@ -70,7 +69,7 @@ def write_observed_run(log: StateLog, resolved: Resolved, path: Path) -> Observe
     robots, ticks = resolved.scenario.fleet.robots, int(tick.max())
     if len(log.robots) > robots:
         raise InputError(
-            f"the log has {count(len(log.robots), 'robot')}, but the scenario only {robots:,}; set "
+            f"the log has {len(log.robots):,} robots, but the scenario only {robots:,}; set "
             f"fleet.robots={len(log.robots)}"
         )
     numbers = numbers_of_robots(log.robots, robots).tolist()

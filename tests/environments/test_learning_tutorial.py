@@ -18,7 +18,7 @@ from docs_pages import page
 import automaton
 from automaton.environments import Environment
 
-FLOOR = "my-floor.yaml"
+FLOOR = "learning-floor.yaml"
 
 
 @pytest.fixture

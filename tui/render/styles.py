@@ -11,7 +11,7 @@ Unicode or in ASCII. Glyphs 32 to 126 are the printable ASCII characters themsel
               ! battery low  & the same, loaded  C charges  Z battery empty  X broken  * load
 
 No letter has two meanings, here or in drawings (automaton.drawings.shapes.CELL_LETTERS): floors are
-drawn in scenarios with the same letters for chargers, parking parking bays and stations.
+drawn in scenarios with the same letters for chargers, parking bays and stations.
 
 Every character is one column wide. Except for the blocks ▀ ▄ █ ▌, none is "ambiguous" in Unicode's
 table of East Asian widths: some terminals draw such characters two columns wide (▲ ▶ ● ─ →).

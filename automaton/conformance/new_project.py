@@ -18,6 +18,13 @@ CHARGER_FLOOR: Final = "t.c.t\\n.....\\n.###.\\n.....\\nt...t"
 BATTERY: Final = (
     '\n        "battery": {"drain": {"move": 0.5}, "charge_rate": 5.0, "initial_charge": 30},'
 )
+REFUSAL_OF_PARTS: Final = '''
+    def check_scenario(self, scenario, floor_plan):
+        """Refuse parts: zones of a factory queue the orders of parts, which these do not."""
+        if scenario.orders.parts is not None:
+            return "parts need zones that queue orders, as strategies.zoning.zone_queues does"
+        return None
+'''
 
 
 class LayerTemplate(NamedTuple):
@@ -37,7 +44,7 @@ LAYERS: Final = {
         "Fixed zones: each robot keeps the zone of its number.",
         *("period", "int", "50", "ge=1, le=1_000_000"),
         "ticks after which robots without a zone get one",
-        "factory",
+        "depots",
     ),
     "charging": LayerTemplate(
         "Below a threshold, a robot charges at the nearest charger until it is full.",
@@ -94,6 +101,7 @@ def write_project(name: str, layer: str, compiled: bool, parent: Path) -> list[P
         "scenario": template.scenario,
         "floor": CHARGER_FLOOR if layer == "charging" else STATION_FLOOR,
         "strategies": "\n".join(f'{" " * 12}"{one}": "{its}",' for one, its in other.items()),
+        "check": REFUSAL_OF_PARTS if layer == "zoning" else "",
         "more": BATTERY if layer == "charging" else "",
     }
     form = "compiled" if compiled else "python"

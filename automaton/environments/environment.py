@@ -439,8 +439,9 @@ class Environment:
             raise InputError("only an environment made with log=True keeps actions to save")
         rows = self._logs[w].rows(int(self.ticks[w]), self.robots)
         options = self.drive, text_of_actions(rows), self.handling
+        settings = (*self._settings, Override(f"seed={world.seed}", ("seed",), world.seed))
         save_episode(
-            resolved_for(self._scenario, self._settings, *options),
+            resolved_for(self._scenario, settings, *options),
             world.seed,
             self._logs[w].digests,
             path,

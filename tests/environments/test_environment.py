@@ -10,6 +10,7 @@ import pytest
 
 from automaton.environments import Environment, reset_kernels, stepping
 from automaton.errors import InputError
+from automaton.recording.frames import resolved_of
 from automaton.runs.simulation import Simulation
 from automaton.verification.verification import verify
 from automaton.world.resolve import resolve
@@ -77,6 +78,7 @@ def test_a_saved_episode_is_a_recording_that_verifies(tmp_path: Path) -> None:
     env.save(1, tmp_path / "run.rec")
     result = verify(tmp_path / "run.rec")
     assert result.passed and result.recording.header["seed"] == int(env.seeds[1])
+    assert resolved_of(result.recording.header).scenario.seed == int(env.seeds[1]), "as reports say"
 
 
 def test_a_robot_drives_to_its_stop_and_earns_what_it_ends() -> None:

@@ -50,7 +50,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("--scenario", metavar="NAME", help=text)
     text = "parameters of the strategy, such as '{choice: 5}'"
     add("--parameters", metavar="YAML", help=text)
-    text = "write each floor that fails into this folder, as a scenario"
+    text = "write the first floor on which each check fails into this folder, as a scenario"
     add("--keep", type=Path, metavar="DIR", help=text)
     text = "fail a strategy that takes longer for a decision, in seconds (default: 60)"
     add("--strategy-timeout", type=seconds, default=60.0, metavar="S", help=text)

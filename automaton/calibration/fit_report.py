@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from typing import Any, Final
 
@@ -94,7 +95,7 @@ def fit_record(
                 "from": start,
                 "value": HOUR * rate.value,
                 "low": HOUR * rate.low,
-                "high": HOUR * rate.high,
+                "high": HOUR * rate.high if math.isfinite(rate.high) else None,
             }
             for start, rate in fits.charging
         ],

@@ -123,7 +123,9 @@ DONE, FAILED, BAD_INPUT, INTERRUPTED, BROKEN_PIPE, TERMINATED = 0, 1, 2, 130, 14
 def broken(text: str, width: int) -> list[str]:
     """The lines of a text that breaks at blanks alone."""
     text = " ".join(text.split())
-    return textwrap.wrap(text, width, break_long_words=False, break_on_hyphens=False) or [""]
+    return textwrap.wrap(text, max(width, 8), break_long_words=False, break_on_hyphens=False) or [
+        ""
+    ]
 
 
 class HelpLines(argparse.HelpFormatter):

@@ -135,7 +135,11 @@ def keep(folder: Path, request: CheckRequest, verdict: Verdict) -> None:
         folder.mkdir(parents=True, exist_ok=True)
         for case, floor in failing_floors(request, verdict).items():
             file = folder / f"{case}.yaml"
-            content = fitting_case(floor, verdict.layer, choice) | {"name": case}
+            try:
+                content = fitting_case(floor, verdict.layer, choice) | {"name": case}
+            except InputError as refusal:
+                note(f"{case}: not written, as the strategy refuses it: {refusal.message}")
+                continue
             file.write_text(yaml.dump(content, Dumper=PictureDumper, sort_keys=False))
             note(f"wrote {file}")
     except OSError as error:

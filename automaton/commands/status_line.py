@@ -9,6 +9,7 @@ import contextlib
 import os
 import shlex
 import shutil
+import stat
 import sys
 import textwrap
 import threading
@@ -31,15 +32,11 @@ NEXT_COMMANDS: Final = {
     "size": ("bottlenecks {scenario}",),
     "what-if": ("report {out}", "bottlenecks {scenario}"),
     "compare": ("what-if {scenario} CHANGES.yaml",),
-    "calibrate": ("compare {floor} {logs} --set @{out}", "run SCENARIO --set @{out}"),
     "bottlenecks": ("what-if {scenario} {changes}", "size {scenario} --target T --robots A..B"),
     "tune": ("run {scenario} --set @{out}",),
     "sweep": ("report {out}",),
-    "report": ("report {folder} --out report.html",),
     "train": ("run {scenario}",),
-    "check-strategy": ("bench",),
     "compile": ("run {file}", "run goods-mini"),
-    "bench": ("bench --out bench.html",),
 }
 
 
@@ -58,7 +55,8 @@ class StatusLine:
     @contextlib.contextmanager
     def shown(self, stream: Any, name: str) -> Iterator[None]:
         """While inside, show what the command `name` does in the last line of a terminal."""
-        if stream is None or not stream.isatty() or os.environ.get("TERM", "dumb") == "dumb":
+        is_read = stream is not None and stream.isatty() and not is_pipe(sys.stdout)
+        if not is_read or os.environ.get("TERM", "dumb") == "dumb":
             yield
             return
         self._stream, self._name, self._text = stream, name, ""
@@ -110,6 +108,14 @@ class StatusLine:
             self.draw()
 
 
+def is_pipe(stream: Any) -> bool:
+    """Whether a stream goes to another program, which may show it on the same terminal."""
+    try:
+        return stat.S_ISFIFO(os.fstat(stream.fileno()).st_mode)
+    except (AttributeError, OSError, ValueError):
+        return False
+
+
 STATUS_LINE: Final = StatusLine()
 
 
@@ -129,13 +135,16 @@ def next_command(name: str, arguments: dict[str, Any]) -> str:
         fields = [field for _, field, _, _ in Formatter().parse(text) if field]
         values = {field: words_of(arguments.get(field)) for field in fields}
         if all(values.values()):
-            settings = arguments.get("settings") or () if "scenario" in fields else ()
+            is_again = bool({"scenario", "file"} & set(fields))
+            settings = arguments.get("settings") or () if is_again else ()
             more = [f" --set {shlex.quote(one)}" for one in settings if isinstance(one, str)]
             return f"automaton {text.format(**values)}{''.join(more)}"
     return ""
 
 
 def words_of(value: Any) -> str:
-    """An argument as it is typed; "" without one."""
+    """An argument as it is typed; "" without one, or with several."""
     values = value if isinstance(value, list | tuple) else [value]
+    if len(values) > 1:
+        return ""
     return shlex.join(str(one) for one in values if one is not None)

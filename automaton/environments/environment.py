@@ -118,7 +118,7 @@ class Environment:
         check_number("max_ticks", self.max_ticks, 1, limit)
         self._first = SteppedWorld(self._resolved, self._resolved.scenario.seed)
         check_sight(self._first.world.rules, self.channels, radius)
-        check_facing(self._first.world.grid.type_headings, facing)
+        check_facing(self._first.world.grid.type_headings, facing and (radius, features))
         self.robots = len(self._first.world.robots.cell)
         self.actions_count = action_count(self._first.world.grid.type_headings, drive == "guided")
         self.actions_count += handling == "action"
@@ -439,7 +439,7 @@ class Environment:
             raise InputError("only an environment made with log=True keeps actions to save")
         rows = self._logs[w].rows(int(self.ticks[w]), self.robots)
         options = self.drive, text_of_actions(rows), self.handling
-        settings = (*self._settings, Override(f"seed={world.seed}", ("seed",), world.seed))
+        settings = (*self._settings, f"seed={world.seed}")
         save_episode(
             resolved_for(self._scenario, settings, *options),
             world.seed,
@@ -514,8 +514,13 @@ def check_sight(rules: Any, channels: Sequence[str], radius: int | None) -> None
         raise InputError("the channel orders shows all orders: it needs information.orders: all")
 
 
-def check_facing(headings: Array, facing: bool) -> None:
-    """Raises InputError if views are to be turned by headings that robots do not have."""
+def check_facing(headings: Array, facing: Any) -> None:
+    """Raises InputError if views are to be turned by headings that robots do not have, or without views.
+
+    `facing`: False, or radius and features of the views.
+    """
+    if facing == (None, False):
+        raise InputError("facing=True turns windows and features: set radius, or features=True")
     if facing and (headings != 4).any():
         raise InputError(
             "facing=True turns views by the heading of the robot: it needs differential robots only"

@@ -32,15 +32,11 @@ ENDS = {
     "size own.yaml --target 'throughput>=1' --robots 1..5": "bottlenecks own.yaml",
     "what-if own.yaml changes.yaml --out answers": "report answers",
     "compare own.yaml a.csv": "what-if own.yaml CHANGES.yaml",
-    "calibrate a.csv --floor own.yaml --out fit.yaml": "compare own.yaml a.csv --set @fit.yaml",
     "bottlenecks own.yaml": "size own.yaml --target T --robots A..B",
     "tune own.yaml --out best.yaml": "run own.yaml --set @best.yaml",
     "sweep study.yaml --out results": "report results",
-    "report results": "report results --out report.html",
     "train traffic": "run warehouse-100",
-    "check-strategy allocation:first-come": "bench",
     "compile": "run goods-mini",
-    "bench": "bench --out bench.html",
 }
 
 

@@ -310,6 +310,7 @@ def test_an_environment_fills_arrays_of_the_caller() -> None:
         ({"reward": {"deliver": 1}}, "unknown component of reward 'deliver'"),
         ({"handling": "manual"}, "unknown handling 'manual': allowed are automatic or action"),
         ({"facing": True}, "facing=True turns views by the heading of the robot"),
+        ({"facing": True, "radius": None}, "facing=True turns windows and features"),
         ({"worlds": 0}, "worlds is at least 1; found 0"),
         ({"threads": 2}, "threads is 1 to 1; found 2"),
         ({"radius": 16}, "radius is 0 to 15; found 16"),

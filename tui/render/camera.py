@@ -277,8 +277,11 @@ class Camera:
         on_floor = self.cell_at(row, column) is not None
         y, x = self._floor_at(row, column)
         self.zoom = zoom = self.ladder[index]
-        top = -(-(zoom.first_row(y) - row) // zoom.height) * zoom.height
-        left = -(-(x * zoom.width // zoom.across - column) // zoom.width) * zoom.width
+        # Whole cells begin at the edges, where cells take whole characters.
+        tall = zoom.height if zoom.down == 1 else 1
+        wide = zoom.width if zoom.across == 1 else 1
+        top = -(-(zoom.first_row(y) - row) // tall) * tall
+        left = -(-(x * zoom.width // zoom.across - column) // wide) * wide
         if steps > 0 or not on_floor:
             top, left = _inside(top, *self._range(0)), _inside(left, *self._range(1))
         self.top, self.left = top, left
@@ -330,11 +333,12 @@ class Camera:
         y, x = y - self.shown.top, x - self.shown.left
         if not (0 <= y < self.height and 0 <= x < self.width):
             return None
-        row = self.zoom.first_row(y) - self.top
-        column = x * self.zoom.width // self.zoom.across - self.left
-        if -self.zoom.height < row < 0:
+        zoom = self.zoom
+        row = zoom.first_row(y) - self.top
+        column = x * zoom.width // zoom.across - self.left
+        if row < 0 and (y + 1) * zoom.height > self.top * zoom.down:
             row = 0  # the upper edge cuts the cell
-        if -self.zoom.width < column < 0:
+        if column < 0 and (x + 1) * zoom.width > self.left * zoom.across:
             column = 0
         inside = 0 <= row < self.rows and 0 <= column < self.columns
         return (row, column) if inside else None
@@ -357,6 +361,9 @@ class Camera:
         first, shown = self.rectangle_at(0, 0), self.shown
         top, left = max(first.top, shown.top), max(first.left, shown.left)
         bottom, right = min(last.bottom, shown.bottom), min(last.right, shown.right)
+        if self.zoom.kind == "cells":  # the upper cell has a row that two share
+            first_unit = (self.top + self.rows - 1) * self.zoom.down
+            bottom = min(bottom, first_unit // self.zoom.height + 1 + shown.top)
         return CellRectangle(top, left, max(bottom, top), max(right, left))
 
     def inside(self, cells: NDArray[np.int32]) -> NDArray[np.bool_]:

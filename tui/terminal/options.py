@@ -149,7 +149,7 @@ def write_settings(path: Path, settings: Mapping[str, Any]) -> None:
     """Write the user's settings; what cannot be written is forgotten."""
     lines = ["# Written by the viewer of automaton when it ends; edit or delete it freely."]
     for key, value in settings.items():
-        text = f"{value:g}" if isinstance(value, float) and math.isfinite(value) else value
+        text = f"{value:g}" if isinstance(value, int | float) and math.isfinite(value) else value
         lines.append(f"{key} = {text}" if text != value else f"{key} = {json.dumps(_named(value))}")
     with contextlib.suppress(OSError):
         path.parent.mkdir(parents=True, exist_ok=True)

@@ -409,8 +409,8 @@ class Display:
         if playback.stops > (0 if before is None else before.stops):
             if playback.stuck is None:
                 session.mark(playback.tick, "stop")
+                session.choice.side = playback.side
             session.goal = None  # the breakpoint ended the way to it
-            session.choice.side = playback.side
             if playback.breakpoint_robots:
                 session.choose(playback.breakpoint_robots[0])
                 session.show_robot()

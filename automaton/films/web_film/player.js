@@ -463,7 +463,6 @@ function showTheme() {
 function otherTheme() {
   theme = theme === "dark" ? "light" : "dark";
   showTheme();
-  showTimes();
 }
 
 function setSpeed(value) {

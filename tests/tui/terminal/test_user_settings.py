@@ -20,6 +20,9 @@ def test_what_is_written_is_read_again(tmp_path: Path, speed: float) -> None:
     options = with_settings(Options(theme="auto"), read_settings(path))
     assert options == Options(theme="light", speed=speed, panels="off", panel="events")
     assert options.first_speed == speed and Options().first_speed == 1
+    again = read_settings(path)
+    write_settings(path, again | {"panel": "why"})
+    assert read_settings(path) == again | {"panel": "why"}
 
 
 def test_the_command_line_comes_first(tmp_path: Path) -> None:

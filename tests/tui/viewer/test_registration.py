@@ -187,7 +187,7 @@ class Smoke(Layer):
 
 
 class Turned(Layer):
-    key = "y"
+    key = "U"
 
     def numbers(self, simulation, selected):
         return np.zeros(12, np.int32)
@@ -234,14 +234,14 @@ async def story():
         for key, words in (
             ("f11", "no rust"),
             ("f12", "no smoke"),
-            ("y", "of shape (12,)"),
+            ("U", "of shape (12,)"),
             ("Y", "gave float64"),
             ("u", "no words"),
         ):
             await user.press(key)
             await user.until(lambda: any(words in said for said in sentences), words)
             await user.until(lambda: user.session.choice.layer == "", "the plain floor")
-            if key == "y":
+            if key == "U":
                 await user.press("f3")
                 await user.until(lambda: user.display.notices.current() is None, "the scale")
         await user.press("f11")

@@ -118,7 +118,8 @@ class Environment:
         check_number("max_ticks", self.max_ticks, 1, limit)
         self._first = SteppedWorld(self._resolved, self._resolved.scenario.seed)
         check_sight(self._first.world.rules, self.channels, radius)
-        check_facing(self._first.world.grid.type_headings, facing and (radius, features))
+        if facing:
+            check_facing(self._first.world.grid.type_headings, radius is not None or features)
         self.robots = len(self._first.world.robots.cell)
         self.actions_count = action_count(self._first.world.grid.type_headings, drive == "guided")
         self.actions_count += handling == "action"
@@ -514,14 +515,11 @@ def check_sight(rules: Any, channels: Sequence[str], radius: int | None) -> None
         raise InputError("the channel orders shows all orders: it needs information.orders: all")
 
 
-def check_facing(headings: Array, facing: Any) -> None:
-    """Raises InputError if views are to be turned by headings that robots do not have, or without views.
-
-    `facing`: False, or radius and features of the views.
-    """
-    if facing == (None, False):
+def check_facing(headings: Array, has_views: bool) -> None:
+    """Raises InputError if there are no views to turn, or robots have no headings to turn them by."""
+    if not has_views:
         raise InputError("facing=True turns windows and features: set radius, or features=True")
-    if facing and (headings != 4).any():
+    if (headings != 4).any():
         raise InputError(
             "facing=True turns views by the heading of the robot: it needs differential robots only"
         )

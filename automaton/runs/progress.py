@@ -250,9 +250,7 @@ def _pairs(keys: Array, order: Array, offset: int) -> tuple[Array, Array]:
 
 
 MAX_BOTTLENECKS: Final = 3
-BOTTLENECK_REACH: Final = (
-    2  # largest distance in rows and in columns of a cell from the place's centre
-)
+BOTTLENECK_REACH: Final = 2  # largest distance, in rows and in columns, from the centre
 MAX_CANDIDATES: Final = 500  # cells with most lost time that may be centres
 MIN_AISLE: Final = 3  # cells
 NAMED_REACH: Final = 3  # largest distance of a named place

@@ -169,6 +169,12 @@ class FilmPair(PixelFilm):
         return both
 
 
+def range_of(recordings: Sequence[Path], first: int | None, last: int | None) -> tuple[int, int]:
+    """The ticks of a film of the longest recording: a shorter one stays at its last picture."""
+    runs = map(read_recording, recordings)
+    return checked_range(max(runs, key=lambda run: run.ticks), first, last)
+
+
 def film_of(recordings: Sequence[Path], request: PixelRequest, first: int, last: int) -> PixelFilm:
     """The film of a recording, or of two side by side. Raises InputError."""
     films = []
@@ -192,7 +198,7 @@ def make_pixel_film(recordings: Sequence[Path], request: PixelRequest, out: Path
     path = _ready(request, out)
     if suffix == ".mp4":
         ffmpeg()
-    first, last = checked_range(read_recording(recordings[0]), request.first, request.last)
+    first, last = range_of(recordings, request.first, request.last)
     if not request.story and (frames := request.frames(last - first)) > MAX_FRAMES:
         raise InputError(
             f"{frames:,} frames are more than a film holds, {MAX_FRAMES:,}: "
@@ -212,8 +218,8 @@ def make_pixel_picture(
 ) -> str:
     """Write a PNG of one tick, of one or two recordings; returns its size in words. Raises InputError."""
     path = _ready(request, out)
-    at, _ = checked_range(read_recording(recordings[0]), tick, None)
-    at = read_recording(recordings[0]).ticks if tick is None else at
+    at, end = range_of(recordings, tick, None)
+    at = end if tick is None else at
     film = film_of(recordings, request, at, at)
     file = io.BytesIO()
     film.image(0).save(file, "PNG", optimize=True)

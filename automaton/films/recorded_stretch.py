@@ -125,11 +125,11 @@ def story_moments(stretch: RecordedStretch) -> list[StoryMoment]:
         *map(columns.of_fleet, ("delivered", "circling")),
         columns.of_robots("waited"),
     )
-    moments = []
+    moments, since = [], f" since tick {first:,}" if first else ""
     if len(later := np.flatnonzero(delivered > delivered[0])):
-        moments.append(StoryMoment(first + int(later[0]), "the first delivery"))
+        moments.append(StoryMoment(first + int(later[0]), f"the first delivery{since}"))
     if len(cycles := np.flatnonzero(circling)):
-        text = f"the first wait cycle: {circling[cycles[0]]} robots wait for each other"
+        text = f"the first wait cycle{since}: {circling[cycles[0]]} robots wait for each other"
         moments.append(StoryMoment(first + int(cycles[0]), text))
     robot, k = np.unravel_index(int(waited.argmax()), waited.shape)
     if waited[robot, k] >= CAPTIONED_WAIT:
@@ -137,9 +137,10 @@ def story_moments(stretch: RecordedStretch) -> list[StoryMoment]:
         names = {"robot": f"robot {robot}", "cell": "the next cell"}
         names["blocker"] = "another robot" if blocker == NIL else f"robot {blocker}"
         why = CAUSES[cause].text.format(**names)
-        text = f"the longest wait, of robot {robot}, {count(int(waited[robot, k]), 'tick')}: {why}"
+        text = f"the longest wait{since}, of robot {robot}, {count(int(waited[robot, k]), 'tick')}: {why}"
         moments.append(StoryMoment(first + int(k), text))
-    end = f"the end: {int(delivered[-1]):,} of {columns.of_fleet('orders')[-1]:,} orders done"
+    name = "the end" if stretch.last == stretch.recorded else f"tick {stretch.last:,}"
+    end = f"{name}: {int(delivered[-1]):,} of {columns.of_fleet('orders')[-1]:,} orders done"
     return sorted([*moments, StoryMoment(stretch.last, end)])
 
 

@@ -22,6 +22,7 @@ from automaton.recording.recorder import Recorder
 from automaton.recording.recording_reader import read_recording
 from automaton.runs.simulation import Simulation
 from automaton.world.resolve import resolve
+from tui.playback.film import Film, FilmsSideBySide, Request
 
 Image = pytest.importorskip("PIL.Image")
 CELL = 40  # pixels of a cell of the scenario crossing
@@ -119,10 +120,25 @@ def test_a_story_is_slow_at_its_moments_and_says_them(crossing: Path, tmp_path: 
         near = [tick for tick in ticks if abs(tick - moment.tick) <= 2]
         assert len(near) >= 1 + 2 * (moment.tick < 205)  # two ticks a frame
         assert film._caption(moment.tick) in [one.caption for one in moments]
+    part = story_moments(play_stretch(read_recording(crossing), 60, 150))
+    assert "the first delivery since tick 60" in [one.caption for one in part]
+    assert part[-1].caption.startswith("tick 150: ")
     plain = pixel_film.PixelFilm(stretch, pixel_film.PixelRequest(fps=5))
     assert film.frames <= plain.frames and plain._caption(0) == stretch.title
     with pytest.raises(InputError, match=r"--story cannot be combined with a \.cast"):
         cast(crossing, "--out", tmp_path / "a.cast", "--story")
+
+
+def test_beside_a_longer_recording_the_shorter_one_stays_at_its_end(
+    crossing: Path, tmp_path: Path
+) -> None:
+    short = tmp_path / "short.rec"
+    resolved = resolve("crossing")
+    with Recorder(short, resolved, 1) as recorder:
+        Simulation(resolved, 1, on_record=recorder).run(until=50)
+    for pair in ((crossing, short), (short, crossing)):
+        assert pixel_film.range_of(pair, None, None) == (0, 205)
+        assert FilmsSideBySide(*(Film(path, Request()) for path in pair)).last == 205
 
 
 def test_between_two_ticks_a_robot_is_between_two_cells(crossing: Path) -> None:

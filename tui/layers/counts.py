@@ -80,7 +80,7 @@ class TimeDifference(Layer):
     pause_s = 0.5
 
     def is_there(self, scene: Any) -> bool:
-        return scene.values is not None
+        return bool(scene.is_compared)
 
     def tints(self, scene: Any) -> Array | None:
         values = scene.values

@@ -294,7 +294,7 @@ class FilmsSideBySide(Film):
         self._films = one, other
         self.recording, self.last, self.look, self.glyphs = (
             one.recording,
-            one.last,
+            max(one.last, other.last),
             one.look,
             one.glyphs,
         )

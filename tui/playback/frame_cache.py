@@ -37,6 +37,7 @@ class Pictures:
         self.floors = [floor_of(resolved) for resolved in opening.resolved]
         robots = max(one.scenario.fleet.robots for one in opening.resolved)
         self.camera = Camera(opening.resolved[0].floor_plan, 1, 1, robots)
+        self._is_compared = opening.comparing and not opening.live
         self.fitted = True  # show the whole floor at any size
         self._corner: tuple[tuple[int, int], Corner] | None = None  # by the size of the map
 
@@ -98,9 +99,9 @@ class Pictures:
             return Scene(self.floors[side], cursor=_cursor(choice), zone=choice.zone)
         snapshot = playback.snapshots[side]
         robot = choice.robot if choice.robot < len(snapshot.robots) else NIL
-        found = choice.matches[
-            choice.matches < len(snapshot.robots)
-        ]  # the other fleet may be larger
+        fleet = len(snapshot.robots)  # the other one may be larger
+        found = choice.matches[choice.matches < fleet]
+        differs = differing(playback)
         late = snapshot.heat is not None and snapshot.layer != choice.layer
         return Scene(
             self.floors[side],
@@ -115,8 +116,9 @@ class Pictures:
             colouring=choice.colouring,
             trails=playback.trails[side] if choice.trails and playback.trails else NO_CELLS,
             lines=choice.lines,
-            marked=found if len(found) else differing(playback),
+            marked=found if len(found) else differs[differs < fleet],
             ghosts=ghosts_of(playback, side),
+            is_compared=self._is_compared,
             bottlenecks=choice.bottlenecks if side == choice.side else (),
         )
 
@@ -231,14 +233,15 @@ def robot_cell(playback: PlaybackState, choice: Choice) -> int:
 
 
 def differing(playback: PlaybackState) -> NDArray[np.int32]:
-    """The robots whose cell or load differs between two runs."""
+    """The robots whose cell or load differs between two runs, or that only one of them has."""
     if len(playback.snapshots) < 2:
         return NO_CELLS
     one, other = (snapshot.robots for snapshot in playback.snapshots)
     both = min(len(one), len(other))
     differs = one.cell[:both] != other.cell[:both]
     differs |= one.load[:both] != other.load[:both]
-    return np.flatnonzero(differs).astype(np.int32)
+    alone = np.arange(both, max(len(one), len(other)))  # robots of the larger fleet
+    return np.append(np.flatnonzero(differs), alone).astype(np.int32)
 
 
 def ghosts_of(playback: PlaybackState, side: int) -> NDArray[np.int32]:
@@ -247,8 +250,9 @@ def ghosts_of(playback: PlaybackState, side: int) -> NDArray[np.int32]:
         return NO_CELLS
     here, there = (playback.snapshots[one].robots.cell for one in (side, 1 - side))
     both = min(len(here), len(there))
-    differs = (here[:both] != there[:both]) & (there[:both] != NIL)
-    return np.asarray(there[:both][differs], np.int32)
+    differs = there != NIL
+    differs[:both] &= here[:both] != there[:both]
+    return np.asarray(there[differs], np.int32)
 
 
 def _cursor(choice: Choice) -> int | None:

@@ -97,6 +97,9 @@ def figures_of(run: WatchedRun) -> RunFigures:
     return RunFigures(*figures, starved, jam, worst, tuple(run.periods()), uses_of_run(shown))
 
 
+KEPT_EVERY: Final = 512  # ticks between two counts that are kept
+
+
 class RecordedCells:
     """How long robots have been in each cell of a recording, up to any tick."""
 
@@ -106,17 +109,25 @@ class RecordedCells:
         self._header, self._frames, self._tick_unit = header, frames, tick_unit
         self._playback: Playback | None = None
         self._ticks = np.zeros(0, np.int64)
+        self._kept: dict[int, Array] = {}  # counts at some ticks, from which going back begins
 
     def until(self, tick: int) -> Array:
         """(C,) float64: robot time in each cell up to a tick, or to the end, in the unit of a tick."""
-        if self._playback is None or tick < self._playback.tick:
+        if self._playback is None:
             self._playback = Playback(self._header, self._frames)
             cells = self._playback.simulation.world.grid.cell_flags.size
             self._ticks = np.zeros(cells, np.int64)
+            self._kept = {0: self._ticks.copy()}
+        if tick < self._playback.tick:
+            nearest = tick - tick % KEPT_EVERY
+            self._playback.go_to(nearest)
+            self._ticks = self._kept[nearest].copy()
         while self._playback.tick < min(tick, self._frames.last_tick):
             self._playback.go_to(self._playback.tick + 1)
             cell = self._playback.simulation.world.robots.cell
             np.add.at(self._ticks, cell[cell != NIL], 1)
+            if self._playback.tick % KEPT_EVERY == 0:
+                self._kept.setdefault(self._playback.tick, self._ticks.copy())
         return self._ticks * self._tick_unit
 
 

@@ -124,6 +124,7 @@ class Scene:
     marked_cells: NDArray[np.int32] = field(default_factory=lambda: NO_CELLS)
     # Cells of robots that are elsewhere in the run beside this one.
     ghosts: NDArray[np.int32] = field(default_factory=lambda: NO_CELLS)
+    is_compared: bool = False  # with a second recording, shown beside this one
     bottlenecks: tuple[int, ...] = ()  # cells, numbered from 1
     zone: int = NIL  # its cells are marked
     colouring: str = "state"  # a key of tui.render.drawn_robots.COLOURINGS
@@ -245,6 +246,13 @@ class Choice:
     trails: bool = False
     lines: str = ""  # lines to goals of "selected" or "all" robots; "": none
     card: bool = True  # at the end of a run: its result
+
+    def keep_what_is_there(self, robots: int, is_same_size: bool) -> None:
+        """After a reload, keep a cell of a floor of the same size and a robot of the new fleet."""
+        self.robot = self.robot if self.robot < robots else NIL
+        self.cell = self.cell if is_same_size else NIL
+        self.zone, self.bottlenecks = NIL, ()
+        self.matches = self.match_cells = NO_CELLS
 
     @property
     def laid(self) -> str:

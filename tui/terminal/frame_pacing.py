@@ -97,6 +97,7 @@ class FramePacer:
         self._last_size = size
         self._credit -= size if self._rate < math.inf else 0
         self._history.append((now, size))
+        self._forget(now)
         self._sent += 1
 
     def answered(self, now: float) -> None:
@@ -111,8 +112,7 @@ class FramePacer:
 
     def figures(self, now: float) -> LinkFigures:
         """Measurements over the last two seconds."""
-        while self._history and self._history[0][0] < now - LINK_WINDOW_S:
-            self._history.popleft()
+        self._forget(now)
         return LinkFigures(
             self._round_trip,
             sum(size for _, size in self._history) / LINK_WINDOW_S / 1000,
@@ -120,6 +120,10 @@ class FramePacer:
             self._rungs[self._rung],
             self._answers,
         )
+
+    def _forget(self, now: float) -> None:
+        while self._history and self._history[0][0] < now - LINK_WINDOW_S:
+            self._history.popleft()
 
     def _window(self) -> float:
         if not self._answers:

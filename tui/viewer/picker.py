@@ -8,6 +8,7 @@ from __future__ import annotations
 import os
 import threading
 from functools import lru_cache
+from itertools import groupby
 from pathlib import Path
 from typing import Final, NamedTuple
 
@@ -48,10 +49,20 @@ class Openable(NamedTuple):
 
 def choices(folder: Path) -> list[Openable]:
     """Scenarios and recordings of a folder, the latest first, then the shipped scenarios."""
-    files = sorted(folder.iterdir(), key=lambda path: (-path.stat().st_mtime, path.name))
+    files = sorted(
+        filter(Path.exists, folder.iterdir()), key=lambda path: (-changed_at(path), path.name)
+    )
     own = [Openable(path.name, "recording") for path in files if path.suffix == ".rec"]
     own += [Openable(path.name, "scenario") for path in files if _is_scenario(path)]
     return own + [Openable(name, "shipped") for name in shipped()]
+
+
+def changed_at(path: Path) -> float:
+    """When a file was changed last; 0 if it has been deleted."""
+    try:
+        return path.stat().st_mtime
+    except OSError:
+        return 0.0
 
 
 def _is_scenario(path: Path) -> bool:
@@ -164,8 +175,9 @@ class Picker(App[list[str]]):
         what, floor = self.query_one("#what", Static), self.query_one("#floor", Static)
         floor.update("")
         if chosen.kind == "recording":
-            size = (Path(chosen.name).stat().st_size + 1023) // 1024
-            what.update(Text(f"{chosen.name}\nrecording, {size:,} KB"))
+            path = Path(chosen.name)
+            size = f"{(path.stat().st_size + 1023) // 1024:,} KB" if path.exists() else "deleted"
+            what.update(Text(f"{chosen.name}\nrecording, {size}"))
             return
         try:
             resolved = resolved_of(chosen.name)
@@ -189,6 +201,10 @@ class Picker(App[list[str]]):
         codes = compose(scene, camera, self._glyphs)
         self.query_one("#floor", Static).update(text_of(codes, self._look, self._glyphs))
 
+    def _draw_moving(self, scene: Scene, camera: Camera, stop: threading.Event) -> None:
+        if not stop.is_set():  # another choice has not been drawn meanwhile
+            self._draw(scene, camera)
+
     def _move(
         self, resolved: Resolved, scene: Scene, camera: Camera, stop: threading.Event
     ) -> None:
@@ -203,8 +219,7 @@ class Picker(App[list[str]]):
             while not stop.wait(FRAME_S) and not simulation.finished:
                 simulation.run(until=simulation.tick + 1)
                 moment = scene.with_(snapshot=take_snapshot(simulation))
-                if not stop.is_set():
-                    self.call_from_thread(self._draw, moment, camera)
+                self.call_from_thread(self._draw_moving, moment, camera, stop)
         except (InputError, RuntimeError):  # a strategy fails, or the picker has ended
             return
 
@@ -219,7 +234,8 @@ def text_of(codes: Codes, look: Look, glyphs: GlyphSet) -> Text:
     """A picture as styled text."""
     text = Text(no_wrap=True)
     for row in codes.tolist():
-        for code in row:
-            text.append(glyphs.characters[code & int(GLYPHS)], look.rich(code >> GLYPH_BITS))
+        for style, several in groupby(row, lambda code: code >> GLYPH_BITS):
+            words = "".join(glyphs.characters[code & int(GLYPHS)] for code in several)
+            text.append(words, look.rich(style))
         text.append("\n")
     return text

@@ -62,6 +62,7 @@ class ClockActions:
     def step(self, ticks: int) -> None:
         """Go by `ticks`, negative for back, and pause."""
         if self._session.ready():
+            self._session.goal = None
             self._player.step(ticks)
             self._session.ordered()
 
@@ -102,6 +103,7 @@ class ClockActions:
 
     def _turn(self, direction: int) -> None:
         if self._session.ready() and not (direction > 0 and self._has_ended()):
+            self._session.goal = None
             self._player.toggle(direction)
             self._session.ordered()
 
@@ -241,8 +243,9 @@ class FindActions:
         self._at_found = index % len(places)
         place = places[self._at_found]
         if self._found.robots:
-            self._session.choose(place)
-            self._session.show_robot()
+            if place < len(self._session.view().snapshot.robots):  # the fleet may have shrunk
+                self._session.choose(place)
+                self._session.show_robot()
         elif self._found.zones:
             self._session.choose_zone(place)
         else:
@@ -343,6 +346,7 @@ class Before:
         choice, pictures = session.choice, session.pictures
         choice.matches, choice.match_cells = self._marked
         rows, columns = pictures.camera.rows, pictures.camera.columns
-        pictures.camera, pictures.fitted = self._view
+        if self._view[0].floor_plan is pictures.camera.floor_plan:  # not reloaded meanwhile
+            pictures.camera, pictures.fitted = self._view
         pictures.resize(rows, columns)
         session.changed()

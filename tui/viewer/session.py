@@ -29,7 +29,7 @@ from tui.playback.frame_cache import Pictures, robot_cell
 from tui.playback.run_source import Opening
 from tui.registration import failure, layer_named
 from tui.render import styles
-from tui.render.scene import NO_CELLS, Choice, Scene
+from tui.render.scene import Choice, Scene
 from tui.render.styles import Codes, Look
 from tui.terminal.frame_pacing import FrameClock, FramePacer
 from tui.terminal.map_view import MapView, Presenter
@@ -105,8 +105,7 @@ class Session:
         self.live = opening.live  # also after a branch from a recording
         self.titles = list(opening.titles)
         self.goal, self.goal_from = options.at, 0  # a requested tick, and where the way begins
-        self.error = ""  # why there is no run
-        self.broken = ""  # why two runs cannot be compared
+        self.error = self.broken = ""  # why there is no run; why two cannot be compared
         self.hovered = NIL  # the cell under the mouse
         self.hovered_side = 0
         self.pointing = False  # the mouse has moved since the last selection
@@ -173,17 +172,15 @@ class Session:
             if self._ended:
                 return player
         choice = self.choice
-        if not self.pictures.take_floor(opening):
-            choice.cell = NIL
-        if choice.robot >= opening.resolved[0].scenario.fleet.robots:
-            choice.robot = NIL
-        choice.zone, choice.matches = NIL, NO_CELLS
+        fleet, same = opening.resolved[0].scenario.fleet, self.pictures.take_floor(opening)
+        choice.keep_what_is_there(fleet.robots, same)
         self.opening, self.titles, self.marks, self.goal = opening, list(opening.titles), [], None
         self.error, self.divergence, self.hovered = "", None, NIL
         player.published = self.published
         player.set_speed(self.speed)
         player.select(choice.robot)
         player.show_layer(choice.layer)
+        player.show_trails(choice.trails)
         if self.playback is None or self.playback.playing:
             player.play()
         self.playback = player.latest()
@@ -224,6 +221,10 @@ class Session:
         if not self.opening.comparing:
             self.notify("two recordings are compared by: automaton replay A B")
         return not self.opening.comparing
+
+    def is_whole(self, side: int) -> bool:
+        """Whether a run is live, or its recording complete."""
+        return self.live or self.opening.recordings[side].complete
 
     def view(self) -> View:
         """The view for panels and dialogs; requires a playback state."""
@@ -323,7 +324,6 @@ class Display:
         self.notices = Notices(app, session, self.info, self.refresh_lines_soon)
         self.column: Any = None  # the panels, once imported
         self.link_shown = False
-        self._unit = unit(opening.resolved[0].scenario.units.tick)
         self._stale = self._texts_stale = True
         self._texts_updated_at = self._panels_at = -math.inf
         self._panels_know: object = None
@@ -451,7 +451,8 @@ class Display:
         elif session.choice.card:
             from tui.widgets.end_card import draw_end_card
 
-            draw_end_card(codes, session.view())
+            fixed = session.opening.comparing or session.options.read_only
+            draw_end_card(codes, session.view(), session.is_whole(side), not fixed)
         return codes
 
     def _update_texts(self) -> bool:
@@ -477,7 +478,8 @@ class Display:
             state = "cannot run" if session.error else building
             changed |= self.status.set_words([word(state, styles.COLOUR_DIM)])
             return changed
-        words = time_words(playback, choice.side, session.speed, self._unit, session.glyphs)
+        tick = unit(session.opening.resolved[0].scenario.units.tick)
+        words = time_words(playback, choice.side, session.speed, tick, session.glyphs)
         with_words = self.status.size.width >= WORDS_FROM
         figures = playback.figures[choice.side]
         words += fleet_words(session.scene(), figures, session.glyphs, with_words)
@@ -504,8 +506,7 @@ class Display:
         if session.live:
             return mode_word(playback, side, "live REC" if session.recordings else "live")
         name = "compare" if session.opening.comparing else "replay"
-        complete = session.opening.recordings[side].complete
-        return mode_word(playback, side, name, recorded=True, whole=complete)
+        return mode_word(playback, side, name, recorded=True, whole=session.is_whole(side))
 
     def _past(self, playback: PlaybackState) -> Past:
         """The content of the timeline."""

@@ -19,16 +19,22 @@ if TYPE_CHECKING:
 CARD_WIDTH: Final = 76  # columns of the text
 CARD_ROWS: Final = 12  # rows of the map from which the card has room
 MARGIN: Final = 2  # columns beside the text, and beside the card
-DOES: Final = "B other settings from here   s picture   r backwards   Esc closes this"
+BRANCHES: Final = "B other settings from here   "
+DOES: Final = "s picture   r backwards   Esc closes this"
 
 
-def end_lines(view: View, width: int) -> list[tuple[str, int]]:
-    """The lines of the card with their colours, at most `width` columns wide."""
+def end_lines(view: View, width: int, whole: bool, branches: bool) -> list[tuple[str, int]]:
+    """The lines of the card with their colours, at most `width` columns wide.
+
+    `whole`: this is the end of the run, not of a recording that was cut short; `branches`: the run
+    can be branched here.
+    """
     snapshot, measured = view.snapshot, view.measured
     now, resolved = summarize(snapshot), view.run.resolved
     tick = unit(resolved.scenario.units.tick)
     time = "" if tick.size == 1 else f", {number(tick.of(snapshot.tick))} {tick.plural}"
-    paragraphs = [(f"The run ended at tick {snapshot.tick:,}{time}.", styles.COLOUR_TEXT)]
+    ended = "The run ended" if whole else "The recording was cut short"
+    paragraphs = [(f"{ended} at tick {snapshot.tick:,}{time}.", styles.COLOUR_TEXT)]
     stuck = int(np.count_nonzero(snapshot.robots.wait_cycle_ticks))
     if stuck:
         since = snapshot.tick - int(snapshot.robots.wait_cycle_ticks.max())
@@ -40,17 +46,17 @@ def end_lines(view: View, width: int) -> list[tuple[str, int]]:
     paragraphs.append((f"{done}; {share}.", styles.COLOUR_DONE))
     sentences = bottleneck_sentences(resolved, measured.periods, ())
     paragraphs += [(sentence, styles.COLOUR_TEXT) for sentence in sentences[:1]]
-    paragraphs.append((DOES, styles.COLOUR_DIM))
+    paragraphs.append((BRANCHES + DOES if branches else DOES, styles.COLOUR_DIM))
     return [
         (row, colour) for words, colour in paragraphs for row in textwrap.wrap(words, width) or [""]
     ]
 
 
-def draw_end_card(codes: Codes, view: View) -> None:
-    """Draw the card at the bottom of a map, where there is room."""
+def draw_end_card(codes: Codes, view: View, whole: bool, branches: bool) -> None:
+    """Draw the card at the bottom of a map, where there is room; see `end_lines`."""
     rows, columns = codes.shape
     width = min(columns - 4 * MARGIN, CARD_WIDTH)
-    lines = end_lines(view, width) if rows >= CARD_ROWS and width > 0 else []
+    lines = end_lines(view, width, whole, branches) if rows >= CARD_ROWS and width > 0 else []
     if not lines or len(lines) + 2 > rows // 2:
         return
     top, left = rows - len(lines) - 2, (columns - width) // 2

@@ -272,14 +272,15 @@ class EventFilter(NamedTuple):
 
     def _called(self, word: str, events: Array) -> Array:
         """Events of the robot with this number, or with this word in one of their names."""
-        if word.isdigit():
+        if word.isdecimal():
             numbered: Array = events[:, 2] == int(word)
             return numbered
         kinds = {code: name for name, several in EVENT_GROUPS.items() for code in several}
         hits = [
             code
-            for code, text in TEXTS.items()
-            if word in f"{text} {TRIP_TEXTS[code]} {EVENT_NAMES[code]} {kinds[code]}"
+            for code, name in enumerate(EVENT_NAMES)
+            if word
+            in f"{TEXTS.get(code, '')} {TRIP_TEXTS.get(code, '')} {name} {kinds.get(code, '')}"
         ]
         called: Array = np.isin(events[:, 1], hits)
         return called

@@ -56,7 +56,8 @@ class Robots(Rows, PanelWidget):
         self.view = view
         self._enter_columns(view)
         self.order = ordered(view, self.columns[self.column], self.greatest_first)
-        self.cursor = int(np.flatnonzero(self.order == under)[0])
+        at = np.flatnonzero(self.order == under)  # none: the other fleet is larger
+        self.cursor = int(at[0]) if len(at) else 0
         self.heading = [self._titles()]
         self.update_rows(len(self.order))
 

@@ -5,12 +5,14 @@ from __future__ import annotations
 import math
 from pathlib import Path
 
+import numpy as np
 import pytest
 from manual_clock import FLEET, ManualClock, clock, live, manual_player, recorded
 
 from automaton.errors import InputError
 from automaton.history.breakpoints import breakpoint_of
 from automaton.history.watched_run import WatchedRun
+from tui.playback.playback_state import RecordedCells
 from tui.playback.player import STATE_INTERVAL_S, UNSEEN_S
 
 __all__ = ["clock"]
@@ -46,6 +48,15 @@ def test_the_shorter_run_waits_at_its_end(clock: ManualClock, tmp_path: Path) ->
     assert [s.tick for s in player.settle().snapshots] == [250, 200]
     player.step(-100)
     assert [s.tick for s in player.settle().snapshots] == [150, 150]
+
+
+def test_times_in_cells_are_the_same_on_the_way_back(tmp_path: Path) -> None:
+    run = recorded(tmp_path, 700)
+    forwards, back = (RecordedCells(run.header, run.frames, 1.0) for _ in range(2))
+    wanted = {tick: forwards.until(tick).copy() for tick in (0, 30, 512, 513, 690)}
+    for tick in sorted(wanted, reverse=True):
+        assert np.array_equal(back.until(tick), wanted[tick]), tick
+    assert wanted[690].sum() > 512
 
 
 def test_two_fleets_of_different_size(clock: ManualClock) -> None:

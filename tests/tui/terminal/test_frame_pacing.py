@@ -107,6 +107,11 @@ def test_the_writer_threads_queue_is_left_room() -> None:
     assert pace.skipped == 1
 
 
+def test_frames_are_forgotten_though_nobody_asks_for_figures() -> None:
+    pace = FramePacer(30)
+    assert play(pace, 60.0, delay=0.01) > 1000 and len(pace._history) < 100
+
+
 def test_a_cap_on_the_bits_is_kept() -> None:
     capped = FramePacer(30, max_kbit=80)  # 10 KB a second
     assert 45 <= play(capped, 5.0, delay=0.01) <= 54  # of 1 KB each, a quarter second at once

@@ -7,11 +7,14 @@ from pathlib import Path
 
 import pytest
 from action_cases import said
-from viewer_harness import compared, record, viewing
+from viewer_harness import compared, mini, record, viewing
 
-from tui.playback.run_source import recorded
+from automaton.engine.state import NIL
+from tui.playback.frame_cache import differing, ghosts_of
+from tui.playback.run_source import Opening, recorded
 from tui.render.encode import as_text
 from tui.terminal.options import Options
+from tui.widgets.robot_table import Robots
 
 
 def test_two_runs_survive_every_size(tmp_path: Path) -> None:
@@ -147,3 +150,48 @@ def test_a_recording_that_cannot_be_compared_says_so(tmp_path: Path) -> None:
             assert user.session.divergence is None and user.session.broken == told
 
     asyncio.run(story())
+
+
+def test_in_fleets_of_different_size_the_other_robots_are_marked_and_ghosts(tmp_path: Path) -> None:
+    small = record(tmp_path / "small.rec", "fleet.robots=1")
+    opening = recorded(record(tmp_path / "large.rec"), small)
+
+    async def story() -> None:
+        async with viewing(opening) as user:
+            await user.at(100)
+            playback = user.session.playback
+            there = playback.snapshots[0].robots.cell
+            assert {*range(1, len(there))} <= {*differing(playback).tolist()}
+            assert {*there[1:].tolist()} - {NIL} <= {*ghosts_of(playback, 1).tolist()}
+
+    asyncio.run(story())
+
+
+def test_the_robot_under_the_cursor_may_be_missing_in_the_other_run(tmp_path: Path) -> None:
+    small = record(tmp_path / "small.rec", "fleet.robots=1")
+    opening = recorded(record(tmp_path / "large.rec"), small)
+
+    async def story() -> None:
+        async with viewing(opening, size=(120, 36)) as user:
+            await user.at(100)
+            await user.press("t", "end", "o")
+            await user.shown()
+            assert user.app.is_running and user.session.choice.side == 1
+            user.display.refresh_panels()
+            assert user.app.query_one(Robots).cursor == 0
+
+    asyncio.run(story())
+
+
+def test_times_are_compared_also_while_another_layer_is_shown_and_only_beside_a_recording(
+    tmp_path: Path,
+) -> None:
+    async def story(opening: Opening, there: bool) -> None:
+        async with viewing(opening) as user:
+            await user.at(100)
+            for key in ("f3", "R"):
+                await user.press(key)
+            assert (user.session.choice.layer == "difference") == there
+
+    asyncio.run(story(compared(tmp_path), True))
+    asyncio.run(story(mini(), False))

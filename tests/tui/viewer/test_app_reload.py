@@ -120,3 +120,32 @@ def test_what_does_not_go_with_it_is_one_sentence(
         assert main(["watch", str(hall), "--reload", *arguments]) == 2
         error = capsys.readouterr().err
         assert sentence in error and error.count("\n") == 1
+
+
+def test_what_belongs_to_the_old_run_is_left_behind(hall: Path) -> None:
+    async def tell(user: Watched) -> None:
+        await user.at(10)
+        await user.press("v", "slash")
+        assert user.session.choice.trails
+        player = user.session.player
+        hall.with_name("hall.txt").write_text(WIDE)
+        hall.write_text(SCENARIO.replace("name: hall", "name: hall\nunits: {tick: 5 s}"))
+        await user.until(lambda: user.session.player is not player)
+        await user.press("escape")
+        await user.shown()
+        camera = user.session.pictures.camera
+        assert camera.floor_plan is user.session.opening.resolved[0].floor_plan
+        await user.at(10)
+        await user.until(lambda: "50 s" in said(user.display.status))
+        assert user.session.playback.trails
+
+    story(hall, tell)
+
+
+def test_a_step_ends_the_way_to_a_tick(hall: Path) -> None:
+    async def tell(user: Watched) -> None:
+        await user.press("g", *"40", "enter")
+        await user.press("comma")
+        assert user.session.goal is None
+
+    story(hall, tell)

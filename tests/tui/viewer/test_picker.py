@@ -18,6 +18,7 @@ def test_scenarios_and_recordings_of_the_folder_come_before_the_shipped_scenario
     (tmp_path / "broken.yaml").write_text("fleet: [\n")
     (tmp_path / "run.rec").write_bytes(b"")
     os.utime(tmp_path / "run.rec", (0, 0))
+    (tmp_path / ".#mine.yaml").symlink_to("user@host.1234")  # an editor's lock, which leads nowhere
     offered = choices(tmp_path)
     assert offered[:2] == [Openable("run.rec", "recording"), Openable("mine.yaml", "scenario")]
     assert {one.kind for one in offered[2:]} == {"shipped"}

@@ -27,6 +27,7 @@ from automaton.engine.observation import (
     EVENT_ORDER_TAKEN,
     EVENT_RETREATED,
 )
+from automaton.engine.state import NIL
 from automaton.history.event_history import (
     EVENT_GROUPS,
     AppendLog,
@@ -182,6 +183,9 @@ def test_words_name_loads_and_numbers() -> None:
     assert set(rows[EventFilter(words="2").mask(rows)][:, 2]) == {2}
     assert set(rows[EventFilter(words="takes").mask(rows)][:, 1]) == {EVENT_ORDER_TAKEN}
     assert not EventFilter(words="nonsense").mask(rows).any()
+    assert not EventFilter(words="²").mask(rows).any()  # a digit, but no number
+    illegal = np.array([[5, EVENT_NAMES.index("illegal decision"), 1, NIL, NIL]])
+    assert EventFilter(words="illegal").mask(illegal).all()
     assert set(rows[EventFilter(kinds=frozenset({"picks"}), words="robot 4").mask(rows)][:, 1]) == {
         2,
         3,

@@ -49,6 +49,19 @@ def test_the_readme_is_short() -> None:
     assert len(page("README.md").text.splitlines()) <= 150
 
 
+@pytest.mark.parametrize("name", ["README.md", "docs/explanation/trust.md"])
+def test_the_wait_that_a_page_asks_about_is_one(name: str, tmp_path: Path) -> None:
+    """In the recording that the page makes; the same recording is verified and branched off."""
+    of_recording = r"`automaton ((?:run tabletop-1 --record|verify|explain|branch) [^`]+)`"
+    with in_this_process(tmp_path):
+        printed = {
+            command.split()[0]: carry_out(f"automaton {command}", tmp_path)
+            for command in re.findall(of_recording, page(name).prose)
+        }
+    assert "robot 1 has been waiting for" in printed["explain"]
+    assert "the runs differ first at tick" in printed["branch"]
+
+
 def test_every_page_is_in_the_index() -> None:
     index = page("docs/index.md")
     linked = {f"docs/{link.partition('#')[0]}" for link in index.links}
@@ -113,8 +126,8 @@ def test_commands_within_the_text_take_their_arguments(one: Page) -> None:
     commands = re.findall(r"(?<!`)`automaton\s+([^`]+)`", one.prose)
     commands += re.findall(r"^\s*automaton (.+)$", shown, re.MULTILINE)
     for command in commands:
-        if command.startswith(("--", "COMMAND")) or "..." in command or "--set @" in command:
-            continue  # no command to read, or one with a file of settings
+        if command.startswith(("--", "COMMAND")) or "..." in command:
+            continue
         words = shlex.split(command)
         assert words[0] in COMMANDS, command
         if len(words) > 1 and not {"SCENARIO", "FILE", "DIR", "STUDY"} & set(words):

@@ -6,6 +6,7 @@ sizes use no further processes, studies have two replications, and sizes a small
 
 from __future__ import annotations
 
+import argparse
 import contextlib
 import importlib
 import io
@@ -196,13 +197,17 @@ def small_study(name: str, folder: Path) -> str:
     return path.name
 
 
+def parser_of(command: str) -> argparse.ArgumentParser:
+    """Return the arguments of a command."""
+    parser = argparse.ArgumentParser(prog=command, allow_abbrev=False, exit_on_error=False)
+    importlib.import_module(COMMANDS[command][0]).add_arguments(parser)
+    return parser
+
+
 def parse(words: list[str]) -> Any:
     """Read the arguments of a command. Raises AssertionError for one that it does not take."""
     assert words and words[0] in COMMANDS, f"no command: {words}"
-    import argparse
-
-    parser = argparse.ArgumentParser(prog=words[0], allow_abbrev=False, exit_on_error=False)
-    importlib.import_module(COMMANDS[words[0]][0]).add_arguments(parser)
+    parser = parser_of(words[0])
     try:
         args, unknown = parser.parse_known_args(words[1:])
     except (argparse.ArgumentError, SystemExit) as error:

@@ -1,4 +1,4 @@
-"""README, CONTRIBUTING and the pages of docs, with their blocks of code, headings and links."""
+"""The pages beside the README and those of docs, with their blocks of code, headings and links."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Final, NamedTuple
 
 ROOT: Final = Path(__file__).parents[2]
+AT_THE_ROOT: Final = ("README.md", "CONTRIBUTING.md", "SECURITY.md", "CHANGELOG.md")
 FENCE: Final = re.compile(
     r"^```(\w*)(?: title=\"([^\"]+)\")?\n(.*?)^```$", re.MULTILINE | re.DOTALL
 )
@@ -58,7 +59,7 @@ def anchor(heading: str) -> str:
 @cache
 def pages() -> tuple[Page, ...]:
     """Return all pages."""
-    paths = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]
+    paths = [*(ROOT / name for name in AT_THE_ROOT), *sorted((ROOT / "docs").rglob("*.md"))]
     return tuple(
         Page(path.relative_to(ROOT).as_posix(), path.read_text(encoding="utf-8")) for path in paths
     )

@@ -23,9 +23,10 @@ from doc_commands import (
     compare,
     in_this_process,
     parse,
+    parser_of,
     write_files,
 )
-from docs_pages import ROOT, Page, page, pages
+from docs_pages import AT_THE_ROOT, ROOT, Page, page, pages
 
 from automaton.commands import COMMANDS
 from automaton.engine import loop
@@ -48,14 +49,23 @@ def test_the_readme_is_short() -> None:
     assert len(page("README.md").text.splitlines()) <= 150
 
 
+@pytest.mark.parametrize("name", ["README.md", "docs/explanation/trust.md"])
+def test_the_wait_that_a_page_asks_about_is_one(name: str, tmp_path: Path) -> None:
+    """In the recording that the page makes; the same recording is verified and branched off."""
+    of_recording = r"`automaton ((?:run tabletop-1 --record|verify|explain|branch) [^`]+)`"
+    with in_this_process(tmp_path):
+        printed = {
+            command.split()[0]: carry_out(f"automaton {command}", tmp_path)
+            for command in re.findall(of_recording, page(name).prose)
+        }
+    assert "robot 1 has been waiting for" in printed["explain"]
+    assert "the runs differ first at tick" in printed["branch"]
+
+
 def test_every_page_is_in_the_index() -> None:
     index = page("docs/index.md")
     linked = {f"docs/{link.partition('#')[0]}" for link in index.links}
-    assert {one.name for one in pages()} - {
-        "README.md",
-        "CONTRIBUTING.md",
-        "docs/index.md",
-    } <= linked
+    assert {one.name for one in pages()} - {*AT_THE_ROOT, "docs/index.md"} <= linked
 
 
 def test_the_site_has_every_page_once() -> None:
@@ -106,11 +116,16 @@ def test_the_commands_of_a_page_run(one: Page, tmp_path: Path) -> None:
         for block in one.blocks:
             if "__main__" in block.text and NEEDS_TORCH not in block.text:
                 runpy.run_path(block.title, run_name="__main__")
+            elif block.language == "python" and not block.title and one not in FOR_DEVELOPERS:
+                exec(block.text, {})
 
 
 @pytest.mark.parametrize("one", pages(), ids=lambda one: one.name)
 def test_commands_within_the_text_take_their_arguments(one: Page) -> None:
-    for command in re.findall(r"(?<!`)`automaton ([^`]+)`", one.prose):
+    shown = "\n".join(block.text for block in one.blocks if block.language == "text")
+    commands = re.findall(r"(?<!`)`automaton\s+([^`]+)`", one.prose)
+    commands += re.findall(r"^\s*automaton (.+)$", shown, re.MULTILINE)
+    for command in commands:
         if command.startswith(("--", "COMMAND")) or "..." in command:
             continue
         words = shlex.split(command)
@@ -123,6 +138,23 @@ def test_commands_within_the_text_take_their_arguments(one: Page) -> None:
 def test_files_that_a_page_names_exist(one: Page) -> None:
     named = r"(?<![\w./-])((?:automaton|strategies|layouts|tui|tests|docs)/[\w*./-]*\w)"
     assert [path for path in re.findall(named, one.text) if not list(ROOT.glob(path))] == []
+
+
+def test_pages_that_the_sources_name_exist() -> None:
+    """In docstrings, comments and messages."""
+    sources = [
+        path
+        for top in ("automaton", "strategies", "layouts", "tui")
+        for path in (ROOT / top).rglob("*.py")
+    ]
+    texts = "\n".join(path.read_text(encoding="utf-8") for path in sources)
+    named = set(re.findall(r"\bdocs/[\w/-]+\.md\b", texts))
+    assert named and {name for name in named if not (ROOT / name).exists()} == set()
+
+
+def test_the_changelog_names_every_command() -> None:
+    named = set(re.findall(r"`([\w-]+)`", page("CHANGELOG.md").text))
+    assert set(COMMANDS) - named == {"reproduce"}  # it names the reproductions
 
 
 @pytest.mark.parametrize("one", FOR_DEVELOPERS, ids=lambda one: one.name)
@@ -253,6 +285,12 @@ def test_exit_codes_stand_in_one_table() -> None:
     assert sum("exit code of every command" in one.text for one in pages()) == 1
 
 
+def test_every_command_with_json_has_its_row_of_keys() -> None:
+    table = page("docs/reference/json.md").text.partition("## Keys of `run`")[0]
+    rows = set(re.findall(r"^\| `([\w-]+)` \| ", table, re.MULTILINE))
+    assert rows == {name for name in COMMANDS if "--json" in parser_of(name).format_help()}
+
+
 def test_the_phases_of_a_tick_are_those_of_the_loop() -> None:
     def phases(text: str) -> list[str]:
         chain = re.search(r"^ *faults -> .*?observe$", text, re.MULTILINE | re.DOTALL)
@@ -286,6 +324,7 @@ def test_the_page_on_json_names_the_keys_that_are_printed(tmp_path: Path) -> Non
             "report out",
             "what-if tabletop-mini changes.yaml --pairs 2",
             "compare crossing log.jsonl --runs 20 --workers 1 --set units.cell=1m",
+            "log log.jsonl --floor crossing --out c.rec --set units.cell=1m",
             "bottlenecks tabletop-mini --most 1 --pairs 2,2",
             "size tabletop-mini --target makespan<=5000 --robots 2 --budget 70 --workers 1",
             "tune random-400 --budget 63 --workers 1 --set stop.max_duration=5 --set fleet.robots=20",

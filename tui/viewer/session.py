@@ -171,9 +171,8 @@ class Session:
             before, self.player = self.player, player
             if self._ended:
                 return player
-        choice = self.choice
-        fleet, same = opening.resolved[0].scenario.fleet, self.pictures.take_floor(opening)
-        choice.keep_what_is_there(fleet.robots, same)
+        choice, fleet = self.choice, opening.resolved[0].scenario.fleet
+        choice.keep_what_is_there(fleet.robots, self.pictures.take_floor(opening))
         self.opening, self.titles, self.marks, self.goal = opening, list(opening.titles), [], None
         self.error, self.divergence, self.hovered = "", None, NIL
         player.published = self.published

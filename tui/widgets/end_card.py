@@ -23,17 +23,17 @@ BRANCHES: Final = "B other settings from here   "
 DOES: Final = "s picture   r backwards   Esc closes this"
 
 
-def end_lines(view: View, width: int, whole: bool, branches: bool) -> list[tuple[str, int]]:
+def end_lines(view: View, width: int, complete: bool, branches: bool) -> list[tuple[str, int]]:
     """The lines of the card with their colours, at most `width` columns wide.
 
-    `whole`: this is the end of the run, not of a recording that was cut short; `branches`: the run
+    `complete`: this is the end of the run, not of a recording that was cut short; `branches`: the run
     can be branched here.
     """
     snapshot, measured = view.snapshot, view.measured
     now, resolved = summarize(snapshot), view.run.resolved
     tick = unit(resolved.scenario.units.tick)
     time = "" if tick.size == 1 else f", {number(tick.of(snapshot.tick))} {tick.plural}"
-    ended = "The run ended" if whole else "The recording was cut short"
+    ended = "The run ended" if complete else "The recording was cut short"
     paragraphs = [(f"{ended} at tick {snapshot.tick:,}{time}.", styles.COLOUR_TEXT)]
     stuck = int(np.count_nonzero(snapshot.robots.wait_cycle_ticks))
     if stuck:
@@ -52,11 +52,11 @@ def end_lines(view: View, width: int, whole: bool, branches: bool) -> list[tuple
     ]
 
 
-def draw_end_card(codes: Codes, view: View, whole: bool, branches: bool) -> None:
+def draw_end_card(codes: Codes, view: View, complete: bool, branches: bool) -> None:
     """Draw the card at the bottom of a map, where there is room; see `end_lines`."""
     rows, columns = codes.shape
     width = min(columns - 4 * MARGIN, CARD_WIDTH)
-    lines = end_lines(view, width, whole, branches) if rows >= CARD_ROWS and width > 0 else []
+    lines = end_lines(view, width, complete, branches) if rows >= CARD_ROWS and width > 0 else []
     if not lines or len(lines) + 2 > rows // 2:
         return
     top, left = rows - len(lines) - 2, (columns - width) // 2

@@ -17,12 +17,12 @@ def card(
     tick: int,
     *settings: str,
     size: tuple[int, int] = (24, 80),
-    whole: bool = True,
+    complete: bool = True,
     branches: bool = True,
 ) -> tuple[list[str], set[int]]:
     """The lines of the card on an empty map, and their colours."""
     codes = np.full(size, BLANK, np.uint32)
-    draw_end_card(codes, moment(tick, "tabletop-1", *settings), whole, branches)
+    draw_end_card(codes, moment(tick, "tabletop-1", *settings), complete, branches)
     colours = np.unique(codes >> GLYPH_BITS) // len(styles.COLOUR_TABLE)
     lines = [line.strip(". ") for line in text(codes).split("\n")]
     return [line for line in lines if line], {*colours.tolist()}
@@ -49,5 +49,5 @@ def test_a_small_map_stays_free() -> None:
 
 
 def test_a_recording_that_was_cut_short_is_no_end_and_two_runs_have_no_branches() -> None:
-    lines, _ = card(700, whole=False, branches=False)
+    lines, _ = card(700, complete=False, branches=False)
     assert lines[0] == "The recording was cut short at tick 700" and "B other" not in lines[-1]

@@ -13,7 +13,9 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+import yaml
 
+import automaton
 from automaton.commands.check_strategy_command import keep
 from automaton.conformance import (
     CONFORMANCE_CHECKS,
@@ -168,6 +170,25 @@ def test_a_new_project_can_be_read_and_is_well_formed(
     point = tomllib.loads((tmp_path / "mine-first" / "pyproject.toml").read_text())
     points = point["project"]["entry-points"]["automaton.strategies"]
     assert points == {f"{layer}.mine-first": "mine_first.strategy:MineFirst"}
+
+
+@pytest.mark.parametrize("layer", LAYERS)
+def test_the_example_of_a_new_project_delivers_all_orders(
+    layer: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    name = f"example-{layer.replace('_', '-')}"
+    module = name.replace("-", "_")
+    write_project(name, layer, False, tmp_path)
+    monkeypatch.syspath_prepend(str(tmp_path / name / "src"))
+    example = LAYERS[layer].example_run(layer, name)
+    assert example in (tmp_path / name / "README.md").read_text()
+    kind = "".join(part.capitalize() for part in name.split("-"))
+    pairs = [part.split("=") for part in example.split(" --set ")[1:-1]]
+    settings: dict[str, Any] = {key: yaml.safe_load(value) for key, value in pairs}
+    strategies = {layer: f"{module}.strategy:{kind}"}
+    outcome = automaton.simulate(example.split()[2], strategies=strategies, **settings)
+    assert outcome.finished
+    assert layer != "charging" or outcome.metrics["battery_depletions"] == 0
 
 
 @pytest.mark.parametrize(

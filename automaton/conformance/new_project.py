@@ -20,9 +20,8 @@ BATTERY: Final = (
 )
 CHARGING_REMARK: Final = """
 The threshold must last for an order and the way to a charger after it: the strategy does not look at
-orders. In `depots` as shipped a move uses 3 % of a battery, so robots strand at any threshold; the
-example reduces this to 0.5 %. A strategy for so small a battery plans with the orders, such as the
-shipped `insertion`.
+orders. In `depots` as shipped a move uses 3 % of a battery, and robots strand unless `below` is about
+80; in the example a move uses 0.5 %. The shipped `insertion` plans with the orders instead.
 """
 REFUSAL_OF_PARTS: Final = '''
     def check_scenario(self, scenario, floor_plan):

@@ -29,6 +29,7 @@ from automaton.engine.jit.structs import SCRATCH, Struct
 from automaton.engine.observation import CAUSES, DEADLOCK_TICKS, EVENT_NAMES
 from automaton.engine.record_codes import KEYFRAME_TICKS
 from automaton.engine.refusals import DECISION_RULES, RULE_BITS, DecisionRule
+from automaton.environments import Environment
 from automaton.floor.floor_plan import CELL_KINDS, SYMBOLS, Symbol
 from automaton.history.breakpoints import FIELDS
 from automaton.recording import contents, frames
@@ -980,6 +981,11 @@ def python_page() -> str:
         for kind in (returned[name],) if name in returned else ():
             rows = _members_whole(kind) if name == "read" else _outcome_rows(kind)
             sections += [f"### {kind.__name__}\n", _prose(kind), table(("member", "meaning"), rows)]
+    importing = "from automaton.environments import Environment"
+    prose = _prose(Environment).replace("import automaton", importing, 1)
+    sections += ["## automaton.environments.Environment\n"]
+    sections += [f"{code(_call('Environment', Environment))}\n", prose]
+    sections.append(table(("member", "meaning"), _members_whole(Environment)))
     return page(
         "Python API",
         "`import automaton` offers the names on this page. Each is loaded when first used, so "

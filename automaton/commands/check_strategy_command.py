@@ -14,7 +14,6 @@ import yaml
 
 from automaton.commands.arguments import add_json_argument, note, print_json, show_line, whole
 from automaton.conformance import CONFORMANCE_CHECKS, FAILS, CheckRequest, Verdict, checked
-from automaton.documents.text_output import terminal_width
 from automaton.errors import InputError
 from automaton.scenario.document import parse
 from automaton.scenario.reading import document_of
@@ -72,14 +71,22 @@ def run(args: argparse.Namespace) -> int:
         parameters=parameters_of(args.parameters),
         timeout=args.strategy_timeout,
     )
-    verdict = checked(request, show_line if sys.stderr.isatty() else note)
+    verdict = checked(request, show_progress)
     if args.keep is not None:
         keep(args.keep, request, verdict)
     if args.json:
         print_json(verdict.as_json())
     else:
-        print("\n".join(verdict.lines(terminal_width())))
+        print("\n".join(verdict.lines(width=None)))
     return 0 if verdict.conforms else 1
+
+
+def show_progress(done: int, total: int, unit: str, more: str) -> None:
+    """Say how far the check is; not on a terminal, what begins."""
+    if sys.stderr.isatty():
+        show_line(f"{unit} {done:,} of {total:,}{more}")
+    elif not done:
+        note(f"{total:,} {unit}{'s' * (total != 1)}{more}")
 
 
 def parameters_of(text: str | None) -> dict[str, Any] | None:

@@ -30,6 +30,6 @@ def run(args: argparse.Namespace) -> int:
         note(f"wrote {file}")
     folder = args.to / args.name
     print(f"pip install -e '{folder}[test]'")
-    print(f"automaton run {LAYERS[args.layer].scenario} --set strategy.{args.layer}={args.name}")
+    print(LAYERS[args.layer].example_run(args.layer, args.name))
     print(f"automaton check-strategy {args.layer}:{args.name} --floors 50")
     return 0

@@ -18,9 +18,9 @@ import sys
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Mapping
 from concurrent.futures import ThreadPoolExecutor
-from typing import Any, Final, NamedTuple
+from typing import Any, Final, NamedTuple, TypeAlias
 
-from automaton.documents.text_output import wrapped
+from automaton.documents.text_output import terminal_width, wrapped
 from automaton.errors import InputError, nearest
 from automaton.units import count
 
@@ -46,11 +46,18 @@ STEEP: Final = 1.5
 OVERTIME_CODE: Final = 97  # of automaton.conformance.strategy_checks
 MAX_DEATHS: Final = 2  # of a child process, until the strategy is not asked any more
 DELIVERY_FLOORS: Final = 6
+SMALLEST_CASES: Final = 20  # that run without the compiler
+DEATH: Final = (1, -1, -1, 0)  # of a finding: times, no tick, no robot, not a note
+EARLIER_CASE: Final = "an earlier case may have broken its memory"
 OK, FAILS, NOTE, LEFT_OUT = "ok", "FAILS", "note", "left out"
 CHILD_PROGRAM: Final = (
     "import sys, json; sys.path[:] = json.loads(sys.argv[1]); "
     "from automaton.conformance.strategy_checks import work; work()"
 )
+
+
+Task: TypeAlias = dict[str, Any]
+Progress: TypeAlias = Callable[[int, int, str, str], None]  # done, of how many, of what, and more
 
 
 class CheckRequest(NamedTuple):
@@ -113,8 +120,11 @@ class Verdict(NamedTuple):
         """Whether no check fails."""
         return all(check.verdict != FAILS for check in self.checks)
 
-    def lines(self, width: int = PAGE_WIDTH) -> list[str]:
-        """The page, in lines of at most `width` characters, but for commands."""
+    def lines(self, width: int | None = PAGE_WIDTH) -> list[str]:
+        """The page, in lines of at most `width` characters, or as wide as the terminal; but for
+        commands.
+        """
+        width = terminal_width() if width is None else width
         form = "compiled" if self.compiled else "Python"
         answer = "conforms" if self.conforms else "does not conform"
         head = f"{self.strategy} ({self.layer.replace('_', ' ')}, {form}) {answer}: "
@@ -181,6 +191,24 @@ class Child:
             self.strategy, self.deaths = strategy, 0
         if self.deaths == MAX_DEATHS:
             return {"found": []}
+        is_fresh = self.process is None
+        reply = self.reply_to(task)
+        if "death" not in reply:
+            return reply
+        self.deaths += 1
+        if is_fresh or reply["death"] == OVERTIME_CODE:
+            return reply
+        alone = self.reply_to(task)
+        if "death" in alone:
+            return alone
+        text = f"{reply['found'][0][1]}, but not when it did this case alone: {EARLIER_CASE}"
+        return alone | {
+            "found": [["survival", text, *DEATH], *alone["found"]],
+            "death": reply["death"],
+        }
+
+    def reply_to(self, task: dict[str, Any]) -> dict[str, Any]:
+        """Do a task; the reply names the exit code as `death` if the process dies."""
         if self.process is None:
             self.process = subprocess.Popen(
                 [sys.executable, "-c", CHILD_PROGRAM, json.dumps(sys.path)],
@@ -202,15 +230,14 @@ class Child:
             reply: dict[str, Any] = json.loads(line)
             return reply
         self.close()
-        self.deaths += 1
         code, seconds = process.returncode, task["timeout"]
         if code == OVERTIME_CODE:
             text = f"decides for longer than {seconds:g} s (--strategy-timeout)"
+        elif code < 0:
+            text = f"the process died by {signal.Signals(-code).name}"
         else:
-            text = f"the process died by {signal.Signals(-code).name}" if code < 0 else ""
-        return {
-            "found": [["survival", text or f"the process ended with code {code}", 1, -1, -1, 0]]
-        }
+            text = f"the process ended with code {code}"
+        return {"found": [["survival", text, *DEATH]], "death": code}
 
     def close(self) -> None:
         """End the process."""
@@ -230,12 +257,22 @@ class Children:
         self.pool = ThreadPoolExecutor(2)
 
     def side_by_side(
-        self, tasks: Iterable[list[dict[str, Any]]], pair: Iterable[Any] | None = None
+        self,
+        tasks: Iterable[list[Task]],
+        pair: Iterable[Any] | None = None,
+        done: Callable[[Task], None] = lambda _: None,
     ) -> list[list[dict[str, Any]]]:
-        """The replies to two lists of tasks, one for each of a pair of processes."""
+        """The replies to two lists of tasks, one for each of a pair of processes.
 
-        def all_of(child: Child, some: list[dict[str, Any]]) -> list[dict[str, Any]]:
-            return [child.ask(task) for task in some]
+        `done` is called after each task, by two threads.
+        """
+
+        def all_of(child: Child, some: list[Task]) -> list[dict[str, Any]]:
+            replies = []
+            for task in some:
+                replies.append(child.ask(task))
+                done(task)
+            return replies
 
         return list(self.pool.map(all_of, pair or self.pair, tasks))
 
@@ -254,9 +291,7 @@ class Children:
 class StrategyCheck:
     """The checks of a strategy, and what they have found so far."""
 
-    def __init__(
-        self, request: CheckRequest, children: Children, progress: Callable[[str], None]
-    ) -> None:
+    def __init__(self, request: CheckRequest, children: Children, progress: Progress) -> None:
         self.request, self.children, self.progress = request, children, progress
         layer, _, name = request.strategy.partition(":")
         is_named = layer in ("zoning", "charging", "allocation", "routing", "right_of_way")
@@ -271,14 +306,28 @@ class StrategyCheck:
         only = request.case
         self.numbers = list(range(request.floors)) if only is None else [only]
         self.found: dict[str, list[tuple[int | None, list[Any]]]] = defaultdict(list)
-        self.cases: dict[str, int] = {}
+        self.asked: dict[str, int] = {}  # cases of each check, and those that it came to the end of
+        self.tried: dict[str, int] = defaultdict(int)
         self.accepted: dict[int, dict[str, Any]] = {}
         self.refused, self.refusal = 0, ""
         self.layer, self.compiled = "", False
+        self.has_died = False  # a process, by a signal
+        self.outside: list[int] = []  # cases with an index outside an array
 
     def of(self, check: str, numbers: Iterable[int], **more: Any) -> list[dict[str, Any]]:
         """Tasks of a check."""
         return [{**self.task, "check": check, "case": number, **more} for number in numbers]
+
+    def counted(self, total: int, unit: str, more: str = "") -> Callable[[Task], None]:
+        """Begin to show how many tasks of a kind are done; what to call after each."""
+        done = iter(range(1, total + 1))
+        self.progress(0, total, unit, more)
+
+        def count_one(task: Task) -> None:
+            if task["check"] != "trace":  # the second run of a case
+                self.progress(next(done, total), total, unit, more)
+
+        return count_one
 
     def enter(self, case: int | None, reply: dict[str, Any]) -> None:
         """Enter the findings of a reply. Raises InputError if the strategy cannot be loaded."""
@@ -290,44 +339,60 @@ class StrategyCheck:
         )
         for check, *rest in reply.get("found", ()):
             self.found[check].append((case, rest))
+        for check in reply.get("tried", ()):
+            self.tried[check] += 1
+        self.has_died |= reply.get("death", 0) < 0
+
+    def check_contract(self) -> None:
+        """The class, and which cases the strategy accepts. Raises InputError if none."""
+        shown = self.counted(len(self.numbers), "case", " looked at")
+        first = self.children.pair[0].ask(self.of("contract", self.numbers[:1])[0])
+        self.enter(self.numbers[0], first)
+        self.asked["contract"] = 1
+        halves = [self.of("size", some) for some in (self.numbers[::2], self.numbers[1::2])]
+        replies = self.children.side_by_side(halves, done=shown)
+        for half, some in zip(halves, replies, strict=True):
+            for task, reply in zip(half, some, strict=True):
+                if "refused" in reply:
+                    self.refused += 1
+                    self.refusal = self.refusal or reply["refused"]
+                    continue
+                self.enter(task["case"], reply)
+                self.accepted[task["case"]] = reply
+        self.accepted = dict(sorted(self.accepted.items()))
+        if not self.accepted:
+            raise InputError(f"no case is accepted: {self.refusal}", self.request.strategy)
 
     def check_cases(self) -> None:
         """Legality, repeats, storage and branches on every case, in two processes."""
-        first = self.children.pair[0].ask(self.of("contract", self.numbers[:1])[0])
-        self.enter(self.numbers[0], first)
-        self.cases["contract"] = 1
-        self.progress(f"{count(len(self.numbers), 'case')}")
         replies, others = self.replies_to_cases()
         for number, reply in replies.items():
-            if "refused" in reply:
-                self.refused += 1
-                self.refusal = self.refusal or reply["refused"]
-                continue
             self.enter(number, reply)
-            self.accepted[number] = reply
+            self.accepted[number] |= reply
+        for name in OF_A_CASE:
+            self.asked[name] = len(self.accepted)
         for number, other in others.items():
-            reply = self.accepted.get(number, {})
+            reply = self.accepted[number]
+            if "trace" not in reply or "trace" not in other:
+                self.tried["repeats"] -= "repeats" in reply["tried"]
+                continue
             repeats = not any(case == number for case, _ in self.found["repeats"])
-            is_comparable = "trace" in reply and "trace" in other
-            if is_comparable and repeats and reply["trace"] != other["trace"]:
+            if repeats and reply["trace"] != other["trace"]:
                 where = self.difference(number)
                 text = f"a process with another hash seed runs differently, {where}"
-                self.found["repeats"].append((number, [text, 1, -1, -1, 0]))
-        if not self.accepted:
-            raise InputError(f"no case is accepted: {self.refusal}", self.request.strategy)
-        for name in OF_A_CASE:
-            self.cases[name] = len(self.accepted)
+                self.found["repeats"].append((number, [text, *DEATH]))
 
     def replies_to_cases(self) -> list[dict[int, dict[str, Any]]]:
         """The replies to `case` by number, and to `trace`, which the other process runs."""
         checks = ("case", "trace") if self.request.wants("repeats") else ("case",)
         halves: list[list[dict[str, Any]]] = [[], []]
-        for k, number in enumerate(self.numbers):
+        for k, number in enumerate(self.accepted):
             for check in checks:
                 which = (k + (check == "trace")) % 2
                 halves[which] += self.of(check, [number], only=self.request.only)
         replies: dict[str, dict[int, dict[str, Any]]] = {"case": {}, "trace": {}}
-        for half, some in zip(halves, self.children.side_by_side(halves), strict=True):
+        shown = self.counted(len(self.accepted), "case")
+        for half, some in zip(halves, self.children.side_by_side(halves, done=shown), strict=True):
             for task, reply in zip(half, some, strict=True):
                 replies[task["check"]][task["case"]] = reply
         return [dict(sorted(some.items())) for some in replies.values()]
@@ -359,40 +424,71 @@ class StrategyCheck:
         tasks = []
         for check, numbers in chosen.items():
             if self.request.wants(check) and numbers:
-                self.cases[check] = len(numbers)
+                self.asked[check] = len(numbers)
                 tasks += self.of(check, numbers)
-        if tasks:
-            names = ", ".join(dict.fromkeys(task["check"] for task in tasks))
-            self.progress(f"{count(len(tasks), 'run')} for {names}")
+        if not tasks:
+            return
+        names = ", ".join(dict.fromkeys(task["check"] for task in tasks))
+        shown = self.counted(len(tasks), "run", f" for {names}")
         halves = [tasks[::2], tasks[1::2]]
-        for half, replies in zip(halves, self.children.side_by_side(halves), strict=True):
+        every = self.children.side_by_side(halves, done=shown)
+        for half, replies in zip(halves, every, strict=True):
             for task, reply in zip(half, replies, strict=True):
                 self.enter(task["case"], reply)
 
-    def check_jit(self) -> None:
-        """Compiled strategies on the smallest cases, without the compiler."""
-        known = sorted(self.accepted, key=lambda k: (self.accepted[k].get("size", 0), k))
-        numbers = known[: max(2, min(20, len(known) // 10))]
-        self.cases["jit"] = len(numbers)
-        self.progress(f"{count(len(numbers), 'case')} without the compiler")
+    def check_jit(self, numbers: list[int]) -> None:
+        """A compiled strategy without the compiler, then with it where no index is outside."""
+        self.asked["jit"] = self.asked.get("jit", 0) + len(numbers)
         tasks = self.of("jit", numbers)
         halves = [tasks[::2], tasks[1::2]]
-        both = (
-            self.children.side_by_side(halves, pair)
-            for pair in (self.children.plain, self.children.pair)
-        )
-        for half, *replies in zip(halves, *both, strict=True):
-            for task, plain, compiled in zip(half, *replies, strict=True):
-                self.enter(task["case"], plain)
-                if "trace" in plain and "trace" in compiled and plain["trace"] != compiled["trace"]:
+        shown = self.counted(len(tasks), "case", " without the compiler")
+        plain = self.children.side_by_side(halves, self.children.plain, shown)
+        sound = [
+            [task for task, reply in zip(half, replies, strict=True) if "trace" in reply]
+            for half, replies in zip(halves, plain, strict=True)
+        ]
+        pairs = zip(sound, self.children.side_by_side(sound), strict=True)
+        compiled = {
+            task["case"]: reply
+            for some, replies in pairs
+            for task, reply in zip(some, replies, strict=True)
+        }
+        for half, replies in zip(halves, plain, strict=True):
+            for task, reply in zip(half, replies, strict=True):
+                case, other = task["case"], compiled.get(task["case"], {"found": []})
+                self.enter(case, {**reply, "tried": other.get("tried", ())})
+                self.enter(case, {**other, "tried": ()})
+                self.accepted[case].setdefault("decisions", reply.get("decisions", 0))
+                if reply.get("is_outside"):
+                    self.outside.append(case)
+                if "trace" in other and reply["trace"] != other["trace"]:
                     text = "without the compiler (NUMBA_DISABLE_JIT=1) the run differs at tick 60"
-                    self.found["jit"].append((task["case"], [text, 1, -1, -1, 0]))
+                    self.found["jit"].append((case, [text, *DEATH]))
+
+    def smallest(self) -> list[int]:
+        """The cases that run without the compiler: all if nothing else is checked."""
+        known = sorted(self.accepted, key=lambda k: (self.accepted[k].get("size", 0), k))
+        share = max(2, min(SMALLEST_CASES, len(known) // 10))
+        return known if self.request.only == "jit" else known[:share]
+
+    def explain_deaths(self) -> None:
+        """Find the case that broke the memory of a process, by running all without the compiler."""
+        tried = set(self.smallest())
+        rest = [number for number in self.accepted if number not in tried]
+        if not self.outside and rest and self.request.wants("jit"):
+            self.check_jit(rest)
+        if self.outside:
+            text = f"an index is outside its array in case {min(self.outside)}, see jit"
+            for _, finding in self.found["survival"]:
+                if finding[0].startswith("the process"):
+                    finding[0] = f"{finding[0].removesuffix(': ' + EARLIER_CASE)}; {text}"
 
     def times(self) -> dict[str, float | None]:
         """CPU time of a decision in ns, and its slope over 10 to 80 robots."""
         halves = [self.of("time", some) for some in ((0, 1, 2), (3,))]  # 70 robots, and 80
-        replies = [one for half in self.children.side_by_side(halves) for one in half]
-        self.cases["time"] = sum(bool(reply.get("ns")) for reply in replies)
+        shown = self.counted(4, "run", " for time")
+        replies = [one for half in self.children.side_by_side(halves, done=shown) for one in half]
+        self.tried["time"] = sum(bool(reply.get("ns")) for reply in replies)
         timed = [(reply["robots"], sorted(reply["ns"])) for reply in replies if reply.get("ns")]
         every = sorted(ns for _, some in timed for ns in some)
         if not every:
@@ -413,16 +509,16 @@ class StrategyCheck:
 
     def result(self, name: str) -> CheckResult:
         """The line of a check."""
-        cases = self.cases.get(name, 0)
+        cases, asked = self.tried[name], self.asked.get(name, 0)
         some = sorted(self.found.get(name, []), key=lambda one: -1 if one[0] is None else one[0])
         if not some:
             if name == "jit" and not self.compiled:
                 return CheckResult(name, LEFT_OUT, 0, text="it is not compiled")
             if name == "memory" and self.compiled:
                 return CheckResult(name, OK, 0, text="compiled kernels cannot allocate")
-            if name == "information" and not cases:
+            if name == "information" and not (asked or self.found["survival"]):
                 return CheckResult(name, LEFT_OUT, 0, text="no case limits information")
-            return CheckResult(name, OK, cases)
+            return self.unfailing(name, cases, asked)
         case, (text, _, tick, robot, is_note) = some[0]
         many = sum(one[1] for _, one in some)
         where = [f"case {case}"] if case is not None else []
@@ -443,13 +539,30 @@ class StrategyCheck:
             self.request.command(name, case),
         )
 
+    def unfailing(self, name: str, cases: int, asked: int) -> CheckResult:
+        """The line of a check that has found nothing: it is left out if no case came to its end."""
+        if asked and not cases:
+            why = "the strategy refuses them"
+            if self.found["survival"]:
+                why = "the strategy raised or ended the process, see survival"
+            return CheckResult(name, LEFT_OUT, 0, text=f"no case could be tried: {why}")
+        if cases < asked:
+            text = f"{CONFORMANCE_CHECKS[name]} ({count(cases, 'case')}; {asked - cases} not tried)"
+            return CheckResult(name, OK, cases, text=text)
+        return CheckResult(name, OK, cases)
+
     def verdict(self) -> Verdict:
-        """Do all checks."""
+        """Do all checks: those without the compiler first, before an index outside an array does harm."""
         wants = self.request.wants
-        self.check_cases()
+        self.check_contract()
+        has_jit_off = self.compiled and wants("jit")
+        if has_jit_off:
+            self.check_jit(self.smallest())
+        if not has_jit_off or self.request.only is None:
+            self.check_cases()
         self.check_some()
-        if self.compiled and wants("jit"):
-            self.check_jit()
+        if self.compiled and self.has_died:
+            self.explain_deaths()
         ns: dict[str, float | None] = {"median": None, "p99": None, "slope": None}
         if wants("time") and self.request.case is None:
             ns = self.times()
@@ -460,7 +573,7 @@ class StrategyCheck:
         if self.request.only not in (None, "survival") and raised:
             checks.append(self.result("survival"))
         if wants("time"):
-            checks.append(time_line(ns, self.cases.get("time", 0)))
+            checks.append(time_line(ns, self.tried["time"]))
         decisions = sum(one.get("decisions", 0) for one in self.accepted.values())
         return Verdict(
             self.request.strategy,
@@ -489,7 +602,7 @@ def time_line(ns: Mapping[str, float | None], cases: int) -> CheckResult:
 
 def checked(
     request: CheckRequest,
-    progress: Callable[[str], None] = lambda _: None,
+    progress: Progress = lambda *_: None,
     children: Children | None = None,
 ) -> Verdict:
     """Check a strategy. Raises InputError if it cannot be loaded, or refuses all cases."""

@@ -109,39 +109,56 @@ def call(strategy: Strategy, *arguments: Any) -> None:
 class WriteProbe(Probe):
     """Notes what a call has changed beyond its own rows, its state and the workspace."""
 
+    def __init__(self, inner: Strategy) -> None:
+        super().__init__(inner)
+        self.watched_memory: list[tuple[str, memoryview, int]] = []
+
     def watched(self, *arguments: Any) -> None:
         """Compare checksums before and after the call."""
         batch = self.run.batch
+        self.watched_memory = self.watched_memory or list(self.memory_to_watch())
         rows = int(batch.count)
-        before = dict(self.checksums(rows))
+        before = self.checksums(rows)
         call(self.inner, *arguments)
-        changed = [name for name, value in self.checksums(rows) if before[name] != value]
-        if changed:
-            self.note(batch, f"it has changed {changed[0]}")
+        for place, value in enumerate(self.checksums(rows)):
+            if before[place] != value:
+                self.note(batch, f"it has changed {self.watched_memory[place][0]}")
+                return
 
-    def checksums(self, rows: int) -> Iterator[tuple[str, Any]]:
-        """Checksums by name; `rows`: rows of the decisions that belong to the batch."""
+    def checksums(self, rows: int) -> list[int]:
+        """Checksums of the watched memory; `rows`: rows of the decisions that belong to the batch."""
+        return [zlib.crc32(part[rows * size :]) for _, part, size in self.watched_memory]
+
+    def memory_to_watch(self) -> Iterator[tuple[str, memoryview, int]]:
+        """The bytes of each array by name, and the size of a row if the batch owns its first rows.
+
+        Structs never replace their arrays, so that they are listed once a run.
+        """
+        known = set()
+        for name, array, is_by_row in self.arrays_to_watch():
+            if array.size and (array.ctypes.data, array.nbytes) not in known:
+                known.add((array.ctypes.data, array.nbytes))  # views share arrays with the world
+                part = array.reshape(-1).view(np.uint8).data
+                yield name, part, array.itemsize if is_by_row else 0
+
+    def arrays_to_watch(self) -> Iterator[tuple[str, Array, bool]]:
+        """Name and array of all that a call must not change, and whether the batch owns its rows."""
         run = self.run
         for name, struct in (("view", run.visible_world), ("world", run.world)):
-            yield from ((f"{name}.{part}", crc(array)) for part, _, array in struct.arrays())
+            yield from ((f"{name}.{part}", array, False) for part, _, array in struct.arrays())
         for part, _, array in run.batch.arrays():
-            yield f"batch.{part}", crc(array)
+            yield f"batch.{part}", array, False
         for layer in LAYER_NAMES:
             for part, declared, array in getattr(run.decisions, layer).arrays():
                 if layer != self.layer:
-                    yield f"decisions.{layer}.{part}", crc(array)
+                    yield f"decisions.{layer}.{part}", array, False
                 elif declared.role == DECISION and len(declared.extents) == 1:
-                    yield f"rows of decisions.{layer}.{part} beyond the batch", crc(array[rows:])
+                    yield f"rows of decisions.{layer}.{part} beyond the batch", array, True
         for strategy, state in zip(run.strategies, run.states, strict=True):
             if strategy is not None and strategy is not self:
                 for part, declared, array in state.arrays():
                     if declared.role != SCRATCH:
-                        yield f"the state of {strategy.layer}: {part}", crc(array)
-
-
-def crc(array: Array) -> int:
-    """A checksum of the values of an array."""
-    return zlib.crc32(np.ascontiguousarray(array).view(np.uint8).data) if array.size else 0
+                        yield f"the state of {strategy.layer}: {part}", array, False
 
 
 Copies = list[tuple[Array, Array]]  # arrays, and their values at a time

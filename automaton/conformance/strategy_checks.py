@@ -7,15 +7,17 @@ from __future__ import annotations
 
 import gc
 import importlib
+import math
 import os
 import threading
 import time
 import traceback
 import tracemalloc
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
+from itertools import count
 from random import Random
-from typing import Any, Final, NamedTuple
+from typing import Any, Final, NamedTuple, TypeAlias
 
 import msgspec
 import numpy as np
@@ -35,10 +37,11 @@ from automaton.conformance.random_cases import (
     random_case,
     with_strategy,
 )
+from automaton.engine.jit.numba_parts import event
 from automaton.errors import InputError
 from automaton.runs.illegal_decisions import illegal_decisions
 from automaton.runs.simulation import Simulation
-from automaton.runs.state_copy import captured, restore
+from automaton.runs.state_copy import RunState, captured, restore
 from automaton.strategy import lookup
 from automaton.strategy.patience import NoAnswer
 
@@ -53,6 +56,9 @@ STORAGE_ORDERS: Final = 3
 MAX_OVERTIMES: Final = 2  # decisions that take too long, until the strategy is not asked any more
 OVERTIME_S: Final = 2.0  # a decision that the limit has not ended after so long ends the process
 LONGEST_RAISED: Final = 200  # characters of an exception
+
+
+Reply: TypeAlias = dict[str, Any]  # what a child process answers to a task
 
 
 class Failure(NamedTuple):
@@ -70,6 +76,10 @@ class StrategyRaisedError(Exception):
     """The strategy has raised something; the text says what and where."""
 
 
+class CaseRefusedError(Exception):
+    """The strategy refuses a case; the text is its sentence."""
+
+
 class Subject:
     """A strategy and the cases of a check: a name, its layer, its parameters, a seed, a scenario."""
 
@@ -80,6 +90,7 @@ class Subject:
         self.seed, self.scenario = request["seed"], request.get("scenario")
         self.patience = request["timeout"]
         self.overtimes = 0
+        self.cases: dict[int, Any] = {}  # what a case resolves to, or its refusal
         self.kind = lookup.load(self.layer, self.name)
 
     @property
@@ -98,9 +109,24 @@ class Subject:
             return {**self.scenario, "seed": self.seed + number}
         return random_case(self.seed, number, self.layer)
 
+    def case(self, number: int) -> Any:
+        """The case of a number with the strategy. Raises CaseRefusedError."""
+        if number not in self.cases:
+            try:
+                self.cases[number] = self.resolved(self.document(number))
+            except CaseRefusedError as refusal:
+                self.cases[number] = refusal
+        case = self.cases[number]
+        if isinstance(case, CaseRefusedError):
+            raise case
+        return case
+
     def resolved(self, document: dict[str, Any]) -> Any:
-        """The case with the strategy. Raises InputError if it is refused."""
-        return with_strategy(document, self.layer, self.choice)
+        """A floor with the strategy. Raises CaseRefusedError."""
+        try:
+            return with_strategy(document, self.layer, self.choice)
+        except InputError as error:
+            raise CaseRefusedError(str(error)) from None
 
     def run(self, resolved: Any, probe: type[Probe] | None = None, storage: Any = None) -> Any:
         """A new run of a case; `probe`: the class of a probe around the strategy."""
@@ -123,7 +149,7 @@ class Subject:
 
     def go(self, run: Any, until: int) -> None:
         """Run to a tick. Raises StrategyRaisedError."""
-        with self.raising(), ending_overtime(run, self.patience):
+        with self.raising(), OVERTIME.watching(run, self.patience):
             run.run(until=until)
 
     @contextmanager
@@ -159,40 +185,89 @@ def is_foreign(file: str) -> bool:
     return "/automaton/" not in file and "/lib/python" not in file and "<" not in file
 
 
-@contextmanager
-def ending_overtime(run: Any, patience: float) -> Iterator[None]:
-    """End this process while a decision takes far longer than it may: compiled code cannot be stopped."""
-    over = threading.Event()
+class Compilations(event.Listener):  # type: ignore[misc]
+    """Counts the kernels that are being compiled."""
 
-    def watch() -> None:
+    def __init__(self) -> None:
+        self.under_way = 0
+
+    def on_start(self, event: Any) -> None:
+        self.under_way += 1
+
+    def on_end(self, event: Any) -> None:
+        self.under_way -= 1
+
+
+class OvertimeGuard:
+    """Ends this process while a decision takes far too long: compiled code cannot be stopped."""
+
+    def __init__(self) -> None:
+        self.run: Any = None  # what runs now
+        self.patience = 0.0
+        self.begun = 0  # how many runs have begun
+        self.thread: threading.Thread | None = None
+
+    @contextmanager
+    def watching(self, run: Any, patience: float) -> Iterator[None]:
+        """Watch a run while inside."""
+        if self.thread is None:
+            self.thread = threading.Thread(target=self.watch, daemon=True)
+            self.thread.start()
+        self.patience = patience
+        self.begun += 1
+        self.run = run
+        try:
+            yield
+        finally:
+            self.run = None
+
+    def watch(self) -> None:
+        """Compare the state of the run with that of a moment ago, for ever.
+
+        A decision may wait for its kernels to be compiled for as long as that takes.
+        """
+        compilations = Compilations()
+        event.register("numba:compile", compilations)
         last, since = None, time.monotonic()
-        while not over.wait(min(0.5, patience / 4)):
-            now = (run.tick, run.python_decisions)
-            if now != last:
+        while True:
+            time.sleep(min(0.5, self.patience / 4))
+            run = self.run
+            now = None if run is None else (self.begun, run.tick, run.python_decisions)
+            if now is None or now != last or compilations.under_way:
                 last, since = now, time.monotonic()
-            elif time.monotonic() - since > patience + OVERTIME_S:
+            elif time.monotonic() - since > self.patience + OVERTIME_S:
                 os._exit(OVERTIME_CODE)
-
-    thread = threading.Thread(target=watch, daemon=True)
-    thread.start()
-    try:
-        yield
-    finally:
-        over.set()
 
 
 OVERTIME_CODE: Final = 97  # exit code of a process that ended itself
+OVERTIME: Final = OvertimeGuard()
 
 
 def trace(
-    subject: Subject, run: Any, last: int = CASE_TICKS, every: int = TRACE_STEP
+    subject: Subject,
+    run: Any,
+    last: int = CASE_TICKS,
+    every: int = TRACE_STEP,
+    at: Callable[[Any], None] = lambda run: None,
 ) -> list[list[int]]:
-    """Run on to a tick; the digests of all arrays at every 50th tick."""
+    """Run on to a tick; the digests of all arrays at every 50th tick, where `at` is called."""
     out = []
     while run.tick < last and not run.finished:
         subject.go(run, min(last, (run.tick // every + 1) * every))
         out.append([run.tick, *map(int, run.digests())])
+        at(run)
     return out
+
+
+def halted_trace(subject: Subject, run: Any) -> tuple[list[list[int]], list[RunState]]:
+    """The trace of a run, and its state at tick 150, unless it ended before."""
+    halfway: list[RunState] = []
+
+    def keep_state(run: Any) -> None:
+        if run.tick == BRANCH_TICK and not run.finished:
+            halfway.append(captured(run.world, run.observation, run.states, []))
+
+    return trace(subject, run, at=keep_state), halfway
 
 
 def first_difference(subject: Subject, some: Any, other: Any, from_tick: int = 0) -> str:
@@ -210,38 +285,38 @@ def first_difference(subject: Subject, some: Any, other: Any, from_tick: int = 0
 # Checks of every case.
 
 
-def check_case(subject: Subject, number: int, only: str | None) -> dict[str, Any]:
-    """Legality, repeats, storage and branches on a case; `trace` and `size` are for the parent."""
-    try:
-        resolved = subject.resolved(subject.document(number))
-    except InputError as error:
-        return {"refused": str(error)}
+def check_case(subject: Subject, number: int, only: str | None, reply: Reply) -> None:
+    """Legality, repeats, storage and branches on a case; the trace is for the parent."""
+    resolved = subject.case(number)
+
+    def enter(check: str, failures: Iterable[Failure]) -> None:
+        if only in (None, check):
+            reply["found"].extend(failures)
+            reply["tried"].append(check)
+
     run = subject.run(resolved)
-    base = trace(subject, run)
-    failures = list(legality(subject, run, resolved)) if only in (None, "legality") else []
+    base, halfway = halted_trace(subject, run)
+    enter("legality", legality(subject, run, resolved))
     again = subject.run(resolved, Probe)
-    if trace(subject, again) != base and only in (None, "repeats"):
+    repeated = trace(subject, again)
+    reply["decisions"] = getattr(subject.probe_of(again), "decisions", 0)
+    enter("repeats", repeats(subject, resolved, base, repeated))
+    enter("storage", storage(subject, resolved, base, number))
+    enter("branches", branches(subject, resolved, base, halfway))
+    reply["trace"] = base
+
+
+def repeats(subject: Subject, resolved: Any, base: Any, repeated: Any) -> Iterator[Failure]:
+    """The same digests in two runs of one process."""
+    if repeated != base:
         where = first_difference(subject, subject.run(resolved), subject.run(resolved))
-        failures.append(Failure("repeats", f"two runs in one process differ, {where}"))
-    if only in (None, "storage"):
-        failures += storage(subject, resolved, base, number)
-    if only in (None, "branches"):
-        failures += branches(subject, resolved, base)
-    probe = subject.probe_of(again)
-    cells = int(np.count_nonzero(resolved.floor_plan.drivable))
-    return {
-        "found": failures,
-        "trace": base,
-        "size": cells * resolved.scenario.fleet.robots,
-        "decisions": getattr(probe, "decisions", 0),
-        "is_limited": resolved.scenario.information != "everything",
-    }
+        yield Failure("repeats", f"two runs in one process differ, {where}")
 
 
 def legality(subject: Subject, run: Any, resolved: Any) -> Iterator[Failure]:
     """The illegal decisions of the layer."""
     illegal = illegal_decisions(run.world, resolved.floor_plan)
-    many = sum(count for layer, _, count in illegal.by_rule if layer == subject.layer)
+    many = sum(times for layer, _, times in illegal.by_rule if layer == subject.layer)
     if many:
         first = next((one for one in illegal.first if one.layer == subject.layer), None)
         text = "" if first is None else f"{first.words}"
@@ -251,10 +326,8 @@ def legality(subject: Subject, run: Any, resolved: Any) -> Iterator[Failure]:
 
 
 def storage(subject: Subject, resolved: Any, base: Any, number: int) -> Iterator[Failure]:
-    """The same digests if robots are stored in three other orders."""
-    robots = resolved.scenario.fleet.robots
-    for k in range(STORAGE_ORDERS):
-        order = np.array(Random(f"{number} {k}").sample(range(robots), robots), np.int32)
+    """The same digests if robots are stored in up to three other orders."""
+    for order in storage_orders(resolved.scenario.fleet.robots, number):
         if trace(subject, subject.run(resolved, storage=order)) != base:
             other = subject.run(resolved, storage=order)
             where = first_difference(subject, subject.run(resolved), other)
@@ -262,20 +335,31 @@ def storage(subject: Subject, resolved: Any, base: Any, number: int) -> Iterator
             return
 
 
-def branches(subject: Subject, resolved: Any, base: Any) -> Iterator[Failure]:
-    """The same digests if the run is rebuilt from its arrays at tick 150."""
-    before, after = subject.run(resolved), subject.run(resolved)
-    subject.go(before, BRANCH_TICK)
-    if before.finished:
-        return
-    subject.go(after, 0)
-    state = captured(before.world, before.observation, before.states, [])
-    restore(state, after.world, after.observation, after.states, [])
-    after.update_finished()
-    rest = trace(subject, after)
-    if rest != [row for row in base if row[0] > BRANCH_TICK]:
-        text = "keeps state outside its arrays: branches begin from tick 0"
-        yield Failure("branches", text, is_note=not subject.is_compiled)
+def storage_orders(robots: int, number: int) -> list[Any]:
+    """Three random orders of robots; one or two robots have fewer."""
+    drawn = (Random(f"{number} {k}").sample(range(robots), robots) for k in count())
+    wanted = min(STORAGE_ORDERS, math.factorial(min(robots, 3)) - 1)
+    orders: list[list[int]] = [list(range(robots))]
+    while len(orders) <= wanted:
+        order = next(drawn)
+        if order not in orders:
+            orders.append(order)
+    return [np.array(order, np.int32) for order in orders[1:]]
+
+
+def branches(
+    subject: Subject, resolved: Any, base: Any, halfway: list[RunState]
+) -> Iterator[Failure]:
+    """The same digests if the run is rebuilt from its arrays at tick 150; none if it ended before."""
+    for state in halfway:
+        after = subject.run(resolved)
+        subject.go(after, 0)
+        restore(state, after.world, after.observation, after.states, [])
+        after.update_finished()
+        rest = trace(subject, after)
+        if rest != [row for row in base if row[0] > BRANCH_TICK]:
+            text = "keeps state outside its arrays: branches begin from tick 0"
+            yield Failure("branches", text, is_note=not subject.is_compiled)
 
 
 # Checks of some cases.
@@ -283,27 +367,23 @@ def branches(subject: Subject, resolved: Any, base: Any) -> Iterator[Failure]:
 
 def survival(subject: Subject, number: int) -> list[Failure]:
     """Odd cases: one robot; no order; none is free; all down; orders that some robots cannot do."""
-    document = odd_case(subject.document(number), number)
-    try:
-        resolved = subject.resolved(document)
-    except InputError:
-        return []
+    resolved = subject.resolved(odd_case(subject.document(number), number))
     subject.go(subject.run(resolved), CASE_TICKS)
     return []
 
 
 def writes(subject: Subject, number: int) -> list[Failure]:
     """Nothing changes but the strategy's rows, state and workspace."""
-    run = subject.run(subject.resolved(subject.document(number)), WriteProbe)
+    run = subject.run(subject.case(number), WriteProbe)
     subject.go(run, CASE_TICKS)
     return of_probe("writes", subject.probe_of(run))
 
 
 def information(subject: Subject, number: int) -> list[Failure]:
     """Under limits of information, decisions depend on nothing that is hidden."""
-    resolved = subject.resolved(subject.document(number))
+    resolved = subject.case(number)
     if resolved.scenario.information == "everything":
-        return []
+        raise CaseRefusedError("the case does not limit information")
     run = subject.run(resolved, SightProbe)
     subject.go(run, CASE_TICKS)
     probe = subject.probe_of(run)
@@ -320,13 +400,13 @@ def of_probe(check: str, probe: Any) -> list[Failure]:
     return [Failure(check, first.text, len(probe.breaches), first.tick, first.robot)]
 
 
-def jit(subject: Subject, number: int) -> list[list[int]]:
+def jit(subject: Subject, number: int, reply: Reply) -> None:
     """The digests at tick 60; with the JIT off, with guarded arrays."""
     from automaton.engine.jit.kernel import jit_is_on
 
-    resolved = subject.resolved(subject.document(number))
-    run = subject.run(resolved, Probe if jit_is_on() else GuardProbe)
-    return trace(subject, run, JIT_TICKS, JIT_TICKS)
+    run = subject.run(subject.case(number), Probe if jit_is_on() else GuardProbe)
+    reply["trace"] = trace(subject, run, JIT_TICKS, JIT_TICKS)
+    reply["decisions"] = subject.probe_of(run).decisions
 
 
 def grown(subject: Subject, number: int) -> list[Failure]:
@@ -377,11 +457,7 @@ def resident_bytes() -> int:
 def delivery(subject: Subject, number: int) -> list[Failure]:
     """One robot with 5 orders, or 4 robots: something is delivered."""
     floor = delivery_floor(subject.layer, number)
-    try:
-        resolved = subject.resolved(floor)
-    except InputError:
-        return []
-    run = subject.run(resolved)
+    run = subject.run(subject.resolved(floor))
     subject.go(run, floor["stop"]["max_duration"])
     done = int((run.world.orders.delivered >= 0).sum())
     if done:
@@ -392,7 +468,7 @@ def delivery(subject: Subject, number: int) -> list[Failure]:
     return [Failure("delivery", text)]
 
 
-def timing(subject: Subject, number: int) -> dict[str, Any]:
+def timing(subject: Subject, number: int, reply: Reply) -> None:
     """Times of calls on one floor with 10, 20, 40 or 80 robots: [ns of a decision, ...]."""
     robots = CROWDS[number]
     row = "t" + "." * 18 + "t"
@@ -401,45 +477,33 @@ def timing(subject: Subject, number: int) -> dict[str, Any]:
     loop = {"closed_loop": {"in_system": robots}}
     floor["orders"] = {"generator": "stations", "count": 1_000, "arrivals": loop}
     floor["stop"] = {"when": "never", "max_duration": CASE_TICKS}
-    try:
-        run = subject.run(subject.resolved(floor), Probe)
-    except InputError:
-        return {"robots": robots, "ns": []}
+    run = subject.run(subject.resolved(floor), Probe)
     subject.go(run, CASE_TICKS)
     probe = subject.probe_of(run)
     spare = probe.entering_ns(run.arguments(run.strategies.index(probe)))
     ns = [max(0, took - spare) / many for took, many in probe.ns]
-    return {"robots": robots, "ns": [round(one) for one in ns]}
+    reply |= {"robots": robots, "ns": [round(one) for one in ns]}
 
 
-def contract(subject: Subject, number: int) -> list[Failure]:
+def contract(subject: Subject, number: int) -> Iterator[Failure]:
     """The class, its parameters and what it declares, on a run of the first case."""
-    kind, failures = subject.kind, []
+    kind = subject.kind
     if not (kind.__doc__ or "").strip():
-        failures.append(
-            Failure("contract", f"{kind.__name__} has no docstring: `list` shows its line")
-        )
+        yield Failure("contract", f"{kind.__name__} has no docstring: `list` shows its line")
     try:
         if not subject.parameters:
             kind.Parameters()
     except TypeError as error:
-        failures.append(Failure("contract", f"Parameters have no defaults: {error}"))
+        yield Failure("contract", f"Parameters have no defaults: {error}")
     try:
         msgspec.json.schema(kind.Parameters)
     except TypeError as error:
-        failures.append(Failure("contract", f"Parameters have no JSON Schema: {error}"))
-    try:
-        resolved = subject.resolved(subject.document(number))
-    except InputError:
-        return failures
-    try:
-        subject.run(resolved)
-    except InputError as error:
-        failures.append(Failure("contract", str(error)))
-    return failures
+        yield Failure("contract", f"Parameters have no JSON Schema: {error}")
+    with suppress(CaseRefusedError):
+        subject.run(subject.case(number))
 
 
-SOME_CASES: Final = {
+SOME_CASES: Final[dict[str, Callable[[Subject, int], Iterable[Failure]]]] = {
     "contract": contract,
     "survival": survival,
     "writes": writes,
@@ -449,39 +513,54 @@ SOME_CASES: Final = {
 }
 
 
-def answer(subject: Subject, task: dict[str, Any]) -> dict[str, Any]:
+def answer(subject: Subject, task: dict[str, Any]) -> Reply:
     """Do a task of the parent: a check on a case. What a strategy raises fails `survival`.
 
-    A strategy that has often decided for too long is not asked any more.
+    `tried` names the checks that came to their end. A strategy that has often decided for too long is
+    not asked any more.
     """
-    check = task["check"]
+    reply: Reply = {"found": [], "tried": []}
     if subject.overtimes >= MAX_OVERTIMES:
-        return {"found": []}
+        return reply
     try:
-        return done(subject, task, check, task["case"])
+        do(subject, task, reply)
+    except CaseRefusedError as refusal:
+        reply["refused"] = str(refusal)
     except StrategyRaisedError as error:
         subject.overtimes += isinstance(error.__cause__, NoAnswer)
-        name = "jit" if check == "jit" else "survival"
-        return {"found": [Failure(name, str(error))]}
+        name = "jit" if task["check"] == "jit" else "survival"
+        reply["found"].append(Failure(name, str(error)))
+        reply["is_outside"] = isinstance(error.__cause__, IndexError)
     except PermissionError as error:
-        return {"found": [Failure("writes", str(error))]}
+        reply["found"].append(Failure("writes", str(error)))
     except InputError as error:
         written = "has written to" in str(error)
-        return {"found": [Failure("writes" if written else "contract", str(error))]}
+        reply["found"].append(Failure("writes" if written else "contract", str(error)))
+    return reply
 
 
-def done(subject: Subject, task: dict[str, Any], check: str, number: int) -> dict[str, Any]:
-    """Do a task."""
-    if check == "case":
-        return check_case(subject, number, task.get("only"))
-    if check == "trace":
-        run = subject.run(subject.resolved(subject.document(number)))
-        return {"trace": trace(subject, run, every=task.get("every", TRACE_STEP))}
-    if check == "jit":
-        return {"trace": jit(subject, number)}
-    if check == "time":
-        return timing(subject, number)
-    return {"found": SOME_CASES[check](subject, number)}
+def do(subject: Subject, task: dict[str, Any], reply: Reply) -> None:
+    """Do a task and enter what is found."""
+    check, number = task["check"], task["case"]
+    if check == "size":
+        resolved = subject.case(number)
+        cells = int(np.count_nonzero(resolved.floor_plan.drivable))
+        reply["size"] = cells * resolved.scenario.fleet.robots
+        reply["is_limited"] = resolved.scenario.information != "everything"
+    elif check == "case":
+        check_case(subject, number, task.get("only"), reply)
+        return
+    elif check == "trace":
+        run = subject.run(subject.case(number))
+        reply["trace"] = trace(subject, run, every=task.get("every", TRACE_STEP))
+    elif check == "jit":
+        jit(subject, number, reply)
+    elif check == "time":
+        timing(subject, number, reply)
+    else:
+        for failure in SOME_CASES[check](subject, number):
+            reply["found"].append(failure)
+    reply["tried"].append(check)
 
 
 def reply_to(line: str | bytes, subjects: dict[str, Subject]) -> bytes:
@@ -503,8 +582,9 @@ def work() -> None:
     """Read tasks as lines of JSON, and answer each with a line; the body of a child process."""
     import sys
 
-    from automaton.engine.jit.kernel import jit_is_on
+    from automaton.engine.jit.kernel import COMPILATIONS, jit_is_on
 
+    COMPILATIONS.announced = sys.stderr.isatty()  # there the parent shows its progress
     replies = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)  # what a strategy prints goes to stderr
     if not jit_is_on():

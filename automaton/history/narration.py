@@ -210,9 +210,11 @@ class Narration:
         long = np.flatnonzero(waiting & (waited == WAIT_TICKS))
         if not len(long):
             return
-        robots = np.sort(identity[long])[: self._room("waits", len(long))]
-        for robot in robots.tolist():
-            self._add("waits", link_of(self._moment(), self._run.floor_plan, robot).text, robot)
+        robots = np.sort(identity[long])
+        if "waits" in self._scope.kinds:  # else only their ends are reported
+            robots = robots[: self._room("waits", len(long))]
+            for robot in robots.tolist():
+                self._add("waits", link_of(self._moment(), self._run.floor_plan, robot).text, robot)
         since = np.full(len(robots), self._run.tick - WAIT_TICKS)
         reported = np.column_stack((robots.astype(np.int64), since))
         self._reported_waits = np.concatenate((self._reported_waits, reported))

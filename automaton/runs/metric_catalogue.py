@@ -17,6 +17,13 @@ if TYPE_CHECKING:
 PER_1000_TICKS: Final = "orders/1000 ticks"  # of every throughput, here and in targets
 
 # Name, unit and meaning of every metric of a run, in the order in which they are shown.
+# Metrics that orders still open at the end do not raise: a strategy that leaves them open looks good.
+OF_DELIVERED_ORDERS: Final = (
+    *("lead_time", "lead_time_p95", "lead_time_p99", "delay", "delay_p95"),
+    *("tardiness", "tardiness_p95", "tardiness_p99"),
+)
+UNEQUAL_SHARE: Final = 0.01  # difference of two shares of delivered orders that is worth a caveat
+
 METRIC_CATALOGUE: dict[str, tuple[str, str]] = {
     "makespan": (
         "ticks",

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import copy
 import importlib
+import sys
 from functools import cache
 from pathlib import Path
 from typing import Annotated, Any, Final, NamedTuple
@@ -107,15 +108,28 @@ def zone_design_reader() -> Any:
 
 
 @cache
-def _plugins(layer: str) -> dict[str, str]:
+def _plugins(layer: str) -> dict[str, Any]:
+    """The entry points of installed strategies, by name."""
     from importlib.metadata import entry_points  # slow: imports the parser of e-mails
 
     found = {}
     for point in entry_points(group=PLUGINS):
         kind, _, name = point.name.partition(".")
         if kind == layer and name:
-            found[name] = point.value
+            found[name] = point
     return found
+
+
+def look_in(folder: str) -> None:
+    """Find modules and plug-ins in one more folder, after all others."""
+    if folder not in sys.path:
+        sys.path.append(folder)
+        _plugins.cache_clear()
+
+
+def entry_point(layer: str, name: str) -> Any:
+    """The entry point of a plug-in's name; None for other names."""
+    return None if is_built_in(layer, name) else _plugins(layer).get(name)
 
 
 def names(layer: str) -> list[str]:
@@ -155,7 +169,10 @@ def place(layer: str, name: str) -> str:
     if name == NO_STRATEGY:
         return ""
     entry = _catalogue()[layer].get(name)
-    return entry.implementation if entry else _plugins(layer).get(name, name)
+    if entry:
+        return entry.implementation
+    point = _plugins(layer).get(name)
+    return name if point is None else str(point.value)
 
 
 def properties(layer: str, name: str) -> dict[str, bool]:

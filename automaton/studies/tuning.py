@@ -16,7 +16,7 @@ from __future__ import annotations
 import itertools
 import json
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Final, NamedTuple
@@ -26,7 +26,7 @@ import msgspec
 from automaton.documents.report_document import INDENT, Listed, ReportDocument, Table
 from automaton.errors import InputError, nearest
 from automaton.runs.headless import run_marked
-from automaton.runs.metric_catalogue import METRIC_CATALOGUE
+from automaton.runs.metric_catalogue import METRIC_CATALOGUE, OF_DELIVERED_ORDERS, UNEQUAL_SHARE
 from automaton.runs.metrics import metrics_of
 from automaton.runs.simulation import Simulation
 from automaton.scenario.document import Override
@@ -164,6 +164,7 @@ class Tuned:
     gain: Effect | None = None  # winner against unchanged scenario; None if they are the same
     unfinished: int = 0  # final pairs in which a run did not finish
     lost: int = 0  # of them, those in which the winner did not finish
+    delivered: tuple[float, float] = (0, 0)  # orders in the final runs: winner, unchanged scenario
 
 
 def measure(simulation: Simulation) -> dict[str, float | int]:
@@ -289,10 +290,17 @@ def compare(
     tuned.lost = sum(math.isnan(mean_of(pair[:1], metric)) for pair in pairs)
     if len(measured) < 2:
         return
+    of_winner, *_ = of_each = list(zip(*measured, strict=True))
+    tuned.delivered = number_delivered(of_winner), number_delivered(of_each[-1])
     values = [[float(run.metrics[metric]) for run in runs] for runs in zip(*measured, strict=True)]
     tuned.winner, tuned.own = (mean_interval(one).unless_vague() for one in (values[0], values[-1]))
     if best != 0:
         tuned.gain = effect(values[0], values[1], paired=True)
+
+
+def number_delivered(runs: Iterable[RunResult]) -> float:
+    """The number of orders that these runs delivered."""
+    return math.fsum(run.metrics["delivered"] for run in runs)
 
 
 # The result as a report, as JSON, and as a settings file.
@@ -348,7 +356,19 @@ def conclusion(tuned: Tuned) -> str:
     text = f"{head}: {metric} {winner}, unchanged {own}; "
     if tuned.gain.relative is not None:
         by += f", {100 * tuned.gain.relative.value:+,.1f} %"
-    return f"{text}difference {by}; {runs}"
+    return f"{text}difference {by}; {runs}{delivery_caveat(tuned)}"
+
+
+def delivery_caveat(tuned: Tuned) -> str:
+    """The caveat that both deliver different numbers of orders, if the metric is of those only."""
+    winner, own = tuned.delivered
+    more = (winner - own) / own if own else 0.0
+    if tuned.metric not in OF_DELIVERED_ORDERS or abs(more) < UNEQUAL_SHARE:
+        return ""
+    return (
+        f". Caveat: the winner delivered {100 * abs(more):.0f} % {'more' if more > 0 else 'fewer'} "
+        f"orders, and {tuned.metric} counts delivered orders only"
+    )
 
 
 def with_ends(interval: Interval, metric: str) -> str:

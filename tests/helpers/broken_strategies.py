@@ -88,11 +88,33 @@ class Raises(Sound):
         orders.take(view, out, k, robot, orders.list_open(view, out, robot)[0])
 
 
+class NeverAnswers(Sound):
+    """survival: it raises in each decision."""
+
+    def choose(self, view: Any, out: Any, workspace: Any, k: int, robot: int) -> None:
+        raise RuntimeError("no answer")
+
+
 class Dies(Sound):
     """survival: the process dies."""
 
     def choose(self, view: Any, out: Any, workspace: Any, k: int, robot: int) -> None:
         os.kill(os.getpid(), signal.SIGKILL)
+
+
+class DiesLater(Sound):
+    """survival: like a kernel that breaks memory, it ends the process of its second case."""
+
+    cases = 0
+
+    def reset(self, view: Any) -> Any:
+        DiesLater.cases += 1
+        return super().reset(view)
+
+    def choose(self, view: Any, out: Any, workspace: Any, k: int, robot: int) -> None:
+        if DiesLater.cases == 2:
+            os.kill(os.getpid(), signal.SIGKILL)
+        super().choose(view, out, workspace, k, robot)
 
 
 class Endless(Sound):

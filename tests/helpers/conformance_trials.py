@@ -1,13 +1,14 @@
 """Whether all shipped strategies and the projects of `new-strategy` conform: run by hand.
 
     python tests/helpers/conformance_trials.py shipped [FLOORS [LAYER:NAME ...]]
-    python tests/helpers/conformance_trials.py projects [FOLDER]
+    python tests/helpers/conformance_trials.py projects [FOLDER [LAYER ...]]
     python tests/helpers/conformance_trials.py compiled
 
 `shipped` prints the table of docs/reference/conformance.md (40 floors: at most 90 s on two idle
-cores). `projects` writes all ten projects and, for each in a fresh environment, installs it, runs its
-tests, `list`, `run` and `check-strategy --floors 50`. `compiled` checks that the compiled strategies of
-broken_strategies.py are named by their own checks. The exit code is 1 if one fails.
+cores). `projects` writes the two projects of each layer and, for each in a fresh environment,
+installs it, runs its tests, `list`, the example of its README and `check-strategy --floors 50`.
+`compiled` checks that the compiled strategies of broken_strategies.py are named by their own checks.
+The exit code is 1 if one fails.
 """
 
 from __future__ import annotations
@@ -61,12 +62,12 @@ def row(verdict: Verdict) -> str:
     return "| " + " | ".join(map(str, cells)) + " |"
 
 
-def projects(parent: Path) -> int:
-    """Write, install and check all ten projects, with one wheel of this clone."""
+def projects(parent: Path, chosen: tuple[str, ...] = ()) -> int:
+    """Write, install and check the two projects of each layer, with one wheel of this clone."""
     failed, pip = [], [sys.executable, "-m", "pip"]
     subprocess.run([*pip, "wheel", "-q", "--no-deps", "-w", parent, ROOT], check=True)
     wheel = next(parent.glob("*.whl"))
-    for layer, told in LAYERS.items():
+    for layer in chosen or LAYERS:
         for compiled in (False, True):
             name = f"my-{layer.replace('_', '-')}" + ("-fast" if compiled else "")
             write_project(name, layer, compiled, parent)
@@ -87,7 +88,7 @@ def projects(parent: Path) -> int:
                 ],
                 [python, "-m", "pytest", "-q", str(folder / "tests")],
                 [*command, "list"],
-                [*command, "run", told.scenario, "--set", f"strategy.{layer}={name}"],
+                [*command, *LAYERS[layer].example_run(layer, name).split()[1:]],
                 [*command, "check-strategy", f"{layer}:{name}", "--floors", "50"],
             )
             begun = time.perf_counter()
@@ -120,7 +121,7 @@ def main(what: str, *more: str) -> int:
     if what == "compiled":
         return compiled()
     with tempfile.TemporaryDirectory() as folder:
-        return projects(Path(more[0]) if more else Path(folder))
+        return projects(Path(more[0]) if more else Path(folder), more[1:])
 
 
 if __name__ == "__main__":

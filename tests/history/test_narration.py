@@ -64,6 +64,17 @@ def test_a_stretch_has_so_many_sentences_and_says_what_it_leaves_out() -> None:
     assert "tick 10, robot 1: has been waiting for 10 ticks" in "\n".join(few), "kinds take turns"
 
 
+def test_the_limit_counts_the_sentences_that_are_asked_for() -> None:
+    every, few = (described(mini(), "deliveries", sentences=many) for many in (100, 3))
+    assert "tick 122, robot 0: delivers load 22" in few and every[:2] == few[:2]
+    assert few[-1] == "ticks 101 to 200, left out: deliveries 1" and len(every) == len(few) == 6
+
+
+def test_the_ends_of_waits_can_be_asked_for_alone() -> None:
+    both, ends = described(mini(), "waits", "waits-over"), described(mini(), "waits-over")
+    assert ends == [line for line in both if "is no longer waiting" in line] != []
+
+
 def test_what_came_before_the_first_tick_is_not_described() -> None:
     lines = described(mini(), "deliveries", first=150)
     assert (

@@ -6,32 +6,39 @@ import json
 import subprocess
 import sys
 import tomllib
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
 from itertools import islice
 from pathlib import Path
 from typing import Any
 
 import pytest
+import yaml
 
+import automaton
 from automaton.commands.check_strategy_command import keep
 from automaton.conformance import (
     CONFORMANCE_CHECKS,
+    EARLIER_CASE,
     FAILS,
+    LEFT_OUT,
     MAX_DEATHS,
+    OK,
     CheckRequest,
+    Child,
     Children,
     checked,
 )
 from automaton.conformance.new_project import LAYERS, write_project
 from automaton.conformance.random_cases import KINEMATICS, random_case
 from automaton.conformance.strategy_checks import (
+    CaseRefusedError,
     Subject,
     branches,
+    halted_trace,
     legality,
     reply_to,
     storage,
-    trace,
 )
 from automaton.errors import InputError
 from automaton.world.resolve import resolve
@@ -76,10 +83,18 @@ class AllHere(Children):
         self.plain: Any = None
 
     def side_by_side(
-        self, tasks: Iterable[list[dict[str, Any]]], pair: Any = None
+        self,
+        tasks: Iterable[list[dict[str, Any]]],
+        pair: Any = None,
+        done: Callable[[dict[str, Any]], None] = lambda _: None,
     ) -> list[list[dict[str, Any]]]:
-        pairs = zip(self.pair, tasks, strict=True)
-        return [[child.ask(task) for task in some] for child, some in pairs]
+        replies: list[list[dict[str, Any]]] = []
+        for child, some in zip(self.pair, tasks, strict=True):
+            replies.append([])
+            for task in some:
+                replies[-1].append(child.ask(task))
+                done(task)
+        return replies
 
 
 def failing(name: str, check: str, case: int, children: Any) -> list[str]:
@@ -105,8 +120,40 @@ def test_hashes_and_a_crash_are_noticed_between_processes() -> None:
         assert reply["found"][0][:2] == ["survival", "the process died by SIGKILL"]
 
 
+def test_a_death_that_an_earlier_case_may_have_caused_is_not_blamed_on_the_case() -> None:
+    task = {"layer": None, "strategy": "broken_strategies:DiesLater", "seed": 1, "timeout": 60}
+    task |= {"scenario": None, "parameters": None, "check": "trace"}
+    child = Child(1)
+    try:
+        first, second = (child.ask({**task, "case": case}) for case in (0, 1))
+    finally:
+        child.close()
+    assert first["tried"] == ["trace"] and not first["found"]
+    text = f"the process died by SIGKILL, but not when it did this case alone: {EARLIER_CASE}"
+    assert [one[:2] for one in second["found"]] == [["survival", text]]
+    assert second["tried"] == ["trace"]
+
+
+def test_a_check_whose_cases_all_raise_is_left_out() -> None:
+    verdict = checked(CheckRequest("broken_strategies:NeverAnswers", case=0), children=AllHere())
+    checks = {one.name: one for one in verdict.checks}
+    assert checks["contract"].verdict == OK and checks["survival"].verdict == FAILS
+    for name in ("legality", "repeats", "storage", "branches", "writes", "delivery"):
+        assert checks[name].verdict == LEFT_OUT
+        assert checks[name].text.startswith("no case could be tried: the strategy raised")
+
+
 def test_a_sound_strategy_conforms() -> None:
-    verdict = checked(CheckRequest("broken_strategies:Sound", case=2), children=AllHere())
+    shown: list[tuple[int, int, str, str]] = []
+    verdict = checked(
+        CheckRequest("broken_strategies:Sound", case=2),
+        lambda *words: shown.append(words),
+        AllHere(),
+    )
+    assert [words for words in shown if words[2:] == ("case", "")] == [
+        (0, 1, "case", ""),
+        (1, 1, "case", ""),
+    ]
     assert verdict.conforms and verdict.refused == 0 and verdict.decisions > 0
     names = [one.name for one in verdict.checks]
     assert names == list(CONFORMANCE_CHECKS) and verdict.lines()[2].startswith("contract     ok")
@@ -118,8 +165,8 @@ def test_a_shipped_strategy_conforms_on_two_floors(layer: str, name: str) -> Non
     subject = Subject({"layer": layer, "strategy": name, "seed": 1, "timeout": 60})
     for number, resolved in islice(accepted(subject), 2):
         run = subject.run(resolved)
-        digests = trace(subject, run)
-        found = [*legality(subject, run, resolved), *branches(subject, resolved, digests)]
+        digests, halfway = halted_trace(subject, run)
+        found = [*legality(subject, run, resolved), *branches(subject, resolved, digests, halfway)]
         found += storage(subject, resolved, digests, number)
         assert found == []
 
@@ -127,8 +174,8 @@ def test_a_shipped_strategy_conforms_on_two_floors(layer: str, name: str) -> Non
 def accepted(subject: Subject) -> Iterator[tuple[int, Any]]:
     """The cases that the strategy accepts, by number."""
     for number in range(40):
-        with suppress(InputError):
-            yield number, subject.resolved(subject.document(number))
+        with suppress(CaseRefusedError):
+            yield number, subject.case(number)
 
 
 def test_a_failure_says_where_and_how_to_repeat_it() -> None:
@@ -168,6 +215,25 @@ def test_a_new_project_can_be_read_and_is_well_formed(
     point = tomllib.loads((tmp_path / "mine-first" / "pyproject.toml").read_text())
     points = point["project"]["entry-points"]["automaton.strategies"]
     assert points == {f"{layer}.mine-first": "mine_first.strategy:MineFirst"}
+
+
+@pytest.mark.parametrize("layer", LAYERS)
+def test_the_example_of_a_new_project_delivers_all_orders(
+    layer: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    name = f"example-{layer.replace('_', '-')}"
+    module = name.replace("-", "_")
+    write_project(name, layer, False, tmp_path)
+    monkeypatch.syspath_prepend(str(tmp_path / name / "src"))
+    example = LAYERS[layer].example_run(layer, name)
+    assert example in (tmp_path / name / "README.md").read_text()
+    kind = "".join(part.capitalize() for part in name.split("-"))
+    pairs = [part.split("=") for part in example.split(" --set ")[1:-1]]
+    settings: dict[str, Any] = {key: yaml.safe_load(value) for key, value in pairs}
+    strategies = {layer: f"{module}.strategy:{kind}"}
+    outcome = automaton.simulate(example.split()[2], strategies=strategies, **settings)
+    assert outcome.finished
+    assert layer != "charging" or outcome.metrics["battery_depletions"] == 0
 
 
 @pytest.mark.parametrize(

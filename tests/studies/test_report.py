@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from msgspec import structs
 from report_helpers import report, tables
 from synthetic_results import noise, study_of, synthetic_store
 
@@ -237,6 +238,27 @@ def test_failed_and_unfinished_runs_stand_in_every_table_and_in_no_mean() -> Non
 def test_ticks_per_second_are_those_of_whole_runs() -> None:
     table = pa.table({"ticks": [600, 600, None], "cpu_s": [2.0, 0.5, None]})
     assert columns_of(table)["ticks_per_second"] == [300.0, 1200.0, None]
+
+
+def test_points_that_deliver_different_shares_of_orders_get_a_caveat() -> None:
+    study = study_of({"fleet.robots": (1, 2)})
+    assert study.analysis is not None
+    analysis = structs.replace(study.analysis, metrics=("makespan", "lead_time"))
+    study = structs.replace(study, analysis=analysis)
+
+    def notes_of(delivered: int) -> str:
+        results = synthetic_store(
+            study,
+            noise,
+            orders=lambda p, r: 50,
+            delivered=lambda p, r: 50 if p else delivered,
+            lead_time=lambda p, r: 100.0,
+        )
+        return " ".join(remarks(results))
+
+    assert "count delivered orders only" not in notes_of(50)
+    said = "shares of their orders, 80 % with robots 1 and 100 % with robots 2: lead_time count"
+    assert said in notes_of(40)
 
 
 def test_what_was_not_measured_is_in_no_mean() -> None:

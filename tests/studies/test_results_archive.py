@@ -15,7 +15,8 @@ import pytest
 from sweep_studies import OwnThread, row_files, swept_here
 
 from automaton.commands import main
-from automaton.studies.sweeps import pools
+from automaton.strategy import lookup
+from automaton.studies.sweeps import pools, sweep_plan
 from automaton.studies.sweeps.result_store import content_name, read_rows
 
 STUDY = """name: sent
@@ -74,6 +75,7 @@ def asked(capsys: pytest.CaptureFixture[str], *arguments: str | Path) -> tuple[i
     pools._plugin.cache_clear()
     sys.modules.pop("sent_plug_in", None)
     sys.path[:] = [one for one in sys.path if not Path(one, "sent_plug_in.py").exists()]
+    lookup._plugins.cache_clear()
     capsys.readouterr()
     code = main([str(one) for one in arguments])
     return code, *capsys.readouterr()
@@ -115,6 +117,48 @@ def test_an_archive_is_run_again_elsewhere_with_equal_results(
     assert (code, err) == (0, "")
     assert out == "one.zip: verified: sent, 4 runs done again\nall results are equal\n"
     hidden.rename(results)
+
+
+def swept_plug_in(folder: Path) -> Path:
+    """The archive of a study whose strategy has an entry point in a folder that is then removed."""
+    project = folder / "project"
+    info = project / "sent_plug_in-2.dist-info"
+    info.mkdir(parents=True)
+    (project / "sent_plug_in.py").write_text(PLUG_IN)
+    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: sent-plug-in\nVersion: 2\n")
+    points = "[automaton.strategies]\nallocation.sent-own = sent_plug_in:Own\n"
+    (info / "entry_points.txt").write_text(points)
+    (folder / "sent.yaml").write_text(STUDY)
+    (folder / "site.yaml").write_text(SCENARIO.replace("sent_plug_in:Own", "sent-own"))
+    (folder / "floor.txt").write_text("b.$.d\nb....\n#....\n")
+    pools._plugin.cache_clear()
+    sys.modules.pop("sent_plug_in", None)
+    lookup.look_in(str(project))
+    results, archive = folder / "results", folder / "one.zip"
+    assert main(["sweep", str(folder / "sent.yaml"), "--out", str(results)]) == 0
+    assert main(["report", str(results), "--archive", str(archive)]) == 0
+    for one in (project, results):
+        shutil.rmtree(one)
+        sys.path[:] = [other for other in sys.path if other != str(one)]
+    return archive
+
+
+def test_an_archive_holds_the_strategy_of_an_entry_point(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    archive = swept_plug_in(tmp_path)
+    code, out, err = asked(capsys, "verify", archive)
+    assert (code, err) == (0, "") and "all results are equal" in out
+
+
+def test_the_package_of_a_strategy_that_is_not_installed_is_named(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(sweep_plan, "is_installed", lambda root: root.name == "project")
+    archive = swept_plug_in(tmp_path)
+    code, _, err = asked(capsys, "verify", archive)
+    assert code == 2 and "'sent-own' is unknown" in err
+    assert err.endswith("that are not installed here: pip install sent-plug-in==2\n")
 
 
 def test_a_result_that_differs_is_named(

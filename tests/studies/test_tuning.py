@@ -142,6 +142,17 @@ def test_shares_are_in_percent_and_their_differences_in_percentage_points() -> N
     assert "; difference -10.2 (-10.76 to -9.645) percentage points, -48.1 %; 5 runs" in said
 
 
+def test_a_winner_that_delivers_fewer_orders_gets_a_caveat() -> None:
+    winner, own = [10.0, 11.0, 12.0, 10.5, 11.5], [20.0, 21.0, 23.0, 20.5, 21.5]
+    for delivered, is_said in (((40, 50), True), ((50, 50), False)):
+        tuned = Tuned(
+            "lead_time", 90, 1, winner=mean_interval(winner), own=mean_interval(own),
+            gain=effect(winner, own, paired=True), delivered=delivered,
+        )  # fmt: skip
+        said = "Caveat: the winner delivered 20 % fewer orders, and lead_time counts delivered"
+        assert (said in conclusion(tuned)) == is_said
+
+
 def test_a_winner_that_did_not_always_finish_is_not_called_best() -> None:
     """Its mean leaves out the runs that went wrong; those of the unchanged scenario do not help it."""
     winner, own = [10.0, 11.0, 12.0, 10.5, 11.5], [20.0, 21.0, 23.0, 20.5, 21.5]

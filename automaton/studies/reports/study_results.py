@@ -27,6 +27,8 @@ import numpy as np
 import numpy.typing as npt
 
 from automaton.runs.metric_catalogue import METRIC_CATALOGUE, PER_1000_TICKS, units_of
+from automaton.runs.metric_catalogue import OF_DELIVERED_ORDERS as OF_DELIVERED_ORDERS
+from automaton.runs.metric_catalogue import UNEQUAL_SHARE as UNEQUAL_SHARE
 from automaton.runs.metric_sums import QUOTIENTS, metric
 from automaton.scenario.unavailable_metrics import OF_DUE_TIMES, OF_TIMES
 from automaton.studies.inference.intervals import Interval

@@ -16,7 +16,7 @@ import shlex
 import tempfile
 import zipfile
 import zlib
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path, PurePosixPath
 from typing import Any, Final, NamedTuple
@@ -124,7 +124,10 @@ def planned_again(store: Store) -> tuple[SweepPlan, list[str]]:
             f"has another {STUDY_FILE} than its runs" if study.exists() else f"lacks {STUDY_FILE}"
         )
         raise InputError(what, str(folder))
-    plan = make_sweep_plan(study)
+    try:
+        plan = make_sweep_plan(study)
+    except InputError as error:
+        raise with_missing_packages(error, before.versions) from None
     for place, content in plan.copies.items():
         if not (folder / place).is_file():
             raise InputError(
@@ -141,6 +144,19 @@ def planned_again(store: Store) -> tuple[SweepPlan, list[str]]:
     if objection := difference(before, same_code):
         raise InputError(objection, str(folder))
     return plan._replace(manifest=manifest), changes
+
+
+def with_missing_packages(error: InputError, needed: Mapping[str, str]) -> InputError:
+    """The error, with the packages to install of those that the runs needed, by name and version."""
+    from importlib.metadata import distributions  # slow: imports the parser of e-mails
+
+    installed = {one.name for one in distributions()}
+    missing = [f"{name}=={version}" for name, version in needed.items() if name not in installed]
+    missing = [one for one in missing if not one.startswith("python==")]
+    if not missing:
+        return error
+    text = f"{error}; the runs used strategies of packages that are not installed here"
+    return InputError(f"{text}: pip install {shlex.join(missing)}")
 
 
 @contextmanager

@@ -12,7 +12,6 @@ import glob
 import json
 import math
 import os
-import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -59,6 +58,9 @@ DEFAULT_WINDOWS = 200  # number of windows in a run, unless a study gives their 
 MSER = "mser-5"  # value of warm_up
 WARM_UP_KEYS = ("measure", "warm_up")
 OUTSIDE_FOLDER: Final = "outside"  # folder of the files that are not below the study's folder
+# An installed package of this name finds the strategies that a results folder holds.
+ENTRY_POINTS_FOLDER: Final = "study_strategies-0.dist-info"
+ENTRY_POINTS_METADATA: Final = b"Metadata-Version: 2.1\nName: study-strategies\nVersion: 0\n"
 RESERVED_FILE_NAMES: Final = (MANIFEST, STUDY_FILE, ROWS_FOLDER, OUTSIDE_FOLDER)
 SCENARIO_KEY: Final = "scenario"
 NO_FILES: Final = ("name", "summary")  # keys whose values name no files
@@ -94,7 +96,8 @@ def make_sweep_plan(study: str | Path | Study | Document) -> SweepPlan:
     if portable != text:
         renamed = checked_study(document_of(portable, Path(STUDY_FILE)))
         declared = msgspec.structs.replace(renamed, window=declared.window)
-    manifest, plugins = manifest_of(declared, portable, scenarios, windows, versions(), names)
+    those = versions() | plugin_versions(scenarios)
+    manifest, plugins = manifest_of(declared, portable, scenarios, windows, those, names)
     return SweepPlan(declared, declared.points, scenarios, plugins, manifest, copies)
 
 
@@ -106,8 +109,8 @@ def resolved_study(
     Does not import Numba.
     """
     document = _document(study)
-    if document.file is not None and str(document.folder.absolute()) not in sys.path:
-        sys.path.append(str(document.folder.absolute()))  # "module:Class" may be beside the study
+    if document.file is not None:
+        lookup.look_in(str(document.folder.absolute()))  # strategies may be beside the study
     declared = checked_study(document)
     scenarios = tuple(_resolved(document, declared, point) for point in declared.points)
     _check_changes(document, declared, scenarios)
@@ -539,6 +542,7 @@ def plugin_copies(scenarios: tuple[Resolved, ...]) -> Copies:
         root, files = plugin_files(module)
         if not is_installed(root):
             copies |= {path.relative_to(root).as_posix(): _content(path) for path in files}
+    copies |= entry_point_copies(scenarios)
     for place in copies:
         package, below, _ = place.partition("/")
         if below and package in (ROWS_FOLDER, OUTSIDE_FOLDER):
@@ -547,6 +551,38 @@ def plugin_copies(scenarios: tuple[Resolved, ...]) -> Copies:
                 f"has a folder '{package}' of its own: rename the package"
             )
     return copies
+
+
+def entry_point_copies(scenarios: tuple[Resolved, ...]) -> Copies:
+    """The entry points of the strategies whose files are copied, as those of a package."""
+    lines = [
+        f"{layer}.{name} = {point.value}"
+        for (layer, name), point in entry_points_of(scenarios).items()
+        if not is_installed(plugin_files(point.module)[0])
+    ]
+    if not lines:
+        return {}
+    points = "\n".join([f"[{lookup.PLUGINS}]", *lines, ""])
+    return {
+        f"{ENTRY_POINTS_FOLDER}/METADATA": ENTRY_POINTS_METADATA,
+        f"{ENTRY_POINTS_FOLDER}/entry_points.txt": points.encode(),
+    }
+
+
+def plugin_versions(scenarios: tuple[Resolved, ...]) -> dict[str, str]:
+    """The versions of the installed packages whose strategies are in use, which are not copied."""
+    return {
+        point.dist.name: point.dist.version
+        for point in entry_points_of(scenarios).values()
+        if is_installed(plugin_files(point.module)[0])
+    }
+
+
+def entry_points_of(scenarios: tuple[Resolved, ...]) -> dict[tuple[str, str], Any]:
+    """The entry points of the strategies in use, by layer and name."""
+    names = {(layer, one.name) for resolved in scenarios for layer, one in resolved.choices}
+    points = {one: lookup.entry_point(*one) for one in sorted(names)}
+    return {one: point for one, point in points.items() if point is not None}
 
 
 def _content(file: Path) -> bytes:

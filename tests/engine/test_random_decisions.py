@@ -20,7 +20,7 @@ from automaton.recording.recorder import MemoryRecorder
 from automaton.runs.simulation import Simulation
 from automaton.verification.validator import validate_stored
 
-EXAMPLES = 450
+EXAMPLES = 300
 
 
 def judged(case: Case) -> Simulation:

@@ -82,6 +82,9 @@ TOP_PAIR, BOTTOM_PAIR = 0x11, 0x84  # for an empty shelf
 
 HALVES = np.array([0x1B, 0xE4], np.uint8)  # the dots of the upper and the lower half of a character
 
+# Robots whose signs are not underlined.
+SIGN_STYLED = tuple({*styles.ROBOT_COLOURS} - {styles.COLOUR_WAITING, styles.COLOUR_FAULT})
+
 BLANK: Final = np.uint32(0xFFFFFFFF)  # no code: outside the frame
 
 
@@ -132,6 +135,12 @@ def with_half_rows(rows: Codes, glyphs: GlyphSet) -> Codes:
     pairs = rows.reshape(-1, 2, rows.shape[1])
     grounds = (pairs >> np.uint32(GLYPH_BITS)) % np.uint32(len(styles.COLOUR_TABLE))
     shared = fleet.paired(glyphs, grounds[:, 0], grounds[:, 1])
+    if not glyphs.shaded:  # the style of the robot's sign, which costs no bytes
+        for beside, body, sign in ((1, 0, glyphs.lower_half), (0, 1, glyphs.upper_half)):
+            inked = np.isin(grounds[:, body], SIGN_STYLED if body else list(styles.ROBOT_COLOURS))
+            inked &= grounds[:, beside] == styles.COLOUR_FLOOR
+            cut_out = code(style(styles.COLOUR_FLOOR, grounds[:, body]), sign)
+            shared = np.where(inked, cut_out, shared)
     walls = pairs & GLYPHS == glyphs.wall
     dots = walls[:, 0] * HALVES[0] | walls[:, 1] * HALVES[1]
     half = code(style(styles.COLOUR_WALL, styles.COLOUR_FLOOR), np.array(glyphs.braille)[dots])

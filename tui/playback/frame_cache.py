@@ -117,7 +117,9 @@ class Pictures:
             lines=choice.lines,
             marked=found if len(found) else differing(playback),
             ghosts=ghosts_of(playback, side),
-            bottlenecks=choice.bottlenecks if side == choice.side else (),
+            bottlenecks=choice.bottlenecks[side]
+            if choice.bottlenecks and side == choice.side
+            else (),
         )
 
     def take_zones(self, resolved: Resolved) -> bool:

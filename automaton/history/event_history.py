@@ -205,18 +205,19 @@ class LostByRows:
 
     def look(self, simulation: Simulation) -> None:
         """Take a sample, if the tick is later than that of the last one."""
-        before = self.rows
+        before, log = self.rows, self._log
         if len(before) and before[-1, 0] >= simulation.tick:
             return
         if len(before) >= STRIP_SAMPLES:
-            self._log = AppendLog(before.shape[1], 2 * STRIP_SAMPLES)
-            self._log.append(before[1::2])
+            log = AppendLog(before.shape[1], 2 * STRIP_SAMPLES)
+            log.append(before[1::2])
         lost = simulation.observation.lost_ticks_by_cell[:, codes.LOST_EVER].reshape(
             -1, self._stride
         )
         sums = np.add.reduceat(lost.sum(1, dtype=np.int64)[:-1], self._starts)
         sample = np.minimum((simulation.tick, *sums), np.iinfo(np.int32).max)
-        self._log.append(sample.reshape(1, -1))
+        log.append(sample.reshape(1, -1))
+        self._log = log  # complete: other threads read it meanwhile
 
 
 def event_of(row: Array) -> Event:

@@ -270,6 +270,7 @@ def bottlenecks(
 ) -> tuple[SlowPlace, ...]:
     """The places that cost most time, the worst first. `lost`: (C,) robot ticks lost in each cell."""
     left, total, worst = lost.astype(np.int64), int(lost.sum()), []
+    names = tuple(place_names.items())
     side = np.arange(-BOTTLENECK_REACH, BOTTLENECK_REACH + 1)
     around = (side[:, None] * floor_plan.stride + side).reshape(-1)
     for _ in range(MAX_BOTTLENECKS):
@@ -283,23 +284,22 @@ def bottlenecks(
         here = near[int(np.argmax(left[near].sum(axis=1)))]
         centre = int(here[np.argmax(left[here])])
         ticks = int(left[np.unique(here)].sum())
-        place = place_words(centre, floor_plan, place_names)
+        place = place_words(centre, floor_plan, names)
         worst.append(SlowPlace(centre, ticks, ticks / total, place))
         left[here] = 0
     return tuple(worst)
 
 
-def place_words(cell: int, floor_plan: FloorPlan, place_names: dict[int, str]) -> str:
-    """A place in words: a named place near it, else its aisle or a mouth of it, else a crossing."""
-    y, x = divmod(cell, floor_plan.stride)
+def place_words(cell: int, floor_plan: FloorPlan, names: tuple[tuple[int, str], ...]) -> str:
+    """A place in words: a named place near it, else its aisle or a mouth of it, else a crossing.
+
+    names: cells with their names.
+    """
     at = floor_plan.xy(cell)
-    distance = {
-        name: max(abs(one // floor_plan.stride - y), abs(one % floor_plan.stride - x))
-        for one, name in place_names.items()
-    }
-    nearest = min(distance, key=distance.__getitem__, default="")
-    if nearest and distance[nearest] <= NAMED_REACH:
-        return f"{nearest}, {at}" if not distance[nearest] else f"before {nearest}, {at}"
+    nearest, distance = (int(table[cell]) for table in places_near(floor_plan, names))
+    if nearest != NIL:
+        name = names[nearest][1]
+        return f"before {name}, {at}" if distance else f"{name}, {at}"
     aisles = aisles_of(floor_plan)
     inside = int(aisles[cell])
     beside = aisles[[cell + 1, cell + floor_plan.stride, cell - 1, cell - floor_plan.stride]]
@@ -307,6 +307,23 @@ def place_words(cell: int, floor_plan: FloorPlan, place_names: dict[int, str]) -
         return f"aisle {inside}, {at}"
     number = inside or int(beside.max())
     return f"mouth of aisle {number}, {at}" if number else f"crossing {at}"
+
+
+@lru_cache(maxsize=4)
+def places_near(floor_plan: FloorPlan, names: tuple[tuple[int, str], ...]) -> tuple[Array, Array]:
+    """(C,) the index of the nearest named place within NAMED_REACH, or NIL; and its distance.
+
+    The distance is the larger one of that in rows and that in columns; of places at the same distance
+    the first counts.
+    """
+    shape = floor_plan.kind.shape
+    nearest, distance = np.full(shape, NIL, np.int64), np.zeros(shape, np.int64)
+    for reach in range(NAMED_REACH, -1, -1):
+        for index in range(len(names) - 1, -1, -1):
+            y, x = divmod(names[index][0], floor_plan.stride)
+            rows, columns = (slice(max(0, at - reach), at + reach + 1) for at in (y, x))
+            nearest[rows, columns], distance[rows, columns] = index, reach
+    return nearest.reshape(-1), distance.reshape(-1)
 
 
 @lru_cache(maxsize=4)

@@ -181,22 +181,35 @@ def _identities(world: World, cycle: list[int]) -> tuple[int, ...]:
     return (*names[least:], *names[:least])
 
 
-def permanent_deadlock(simulation: Simulation) -> int | None:
-    """The tick in which a deadlock began that the run can only repeat; None without one.
+class DeadlockWatch:
+    """Tells whether a run can only repeat a deadlock.
 
     No robot has been active for `starved_ticks`, and nothing is to come that could free one: no order,
-    break, gate, fault or empty battery.
+    break, gate, fault or empty battery. A strategy may count ticks until it acts, in its state or
+    elsewhere; so no strategy may have been asked during that time, nor ask to be asked every few ticks.
     """
-    world, tick, scenario = simulation.world, simulation.tick, simulation.resolved.scenario
-    inside = world.deadlocks.number > 0
-    if not inside.any() or int(world.tally.active.max()) > tick - starved_ticks(world):
-        return None
-    breaks = world.pod_stations.breaks
-    may_fail = scenario.battery is not None or scenario.faults != type(scenario.faults)()
-    may_open = len(world.gates.kind) > 0 or bool((breaks[:, 2] > tick).any())
-    if may_fail or may_open or not asked_orders(world).is_known.all():
-        return None
-    return int(world.deadlocks.since[inside].min())
+
+    def __init__(self) -> None:
+        self._batches = b""  # of each layer
+        self._asked_at = 0  # the tick of the first look with these
+
+    def begun(self, simulation: Simulation) -> int | None:
+        """Return the tick in which such a deadlock began, else None; look often."""
+        world, tick, scenario = simulation.world, simulation.tick, simulation.resolved.scenario
+        batches = world.tally.batches.tobytes()
+        if batches != self._batches or tick < self._asked_at:
+            self._batches, self._asked_at = batches, tick
+        quiet_since = max(int(world.tally.active.max()), self._asked_at)
+        inside = world.deadlocks.number > 0
+        if not inside.any() or quiet_since > tick - starved_ticks(world):
+            return None
+        breaks = world.pod_stations.breaks
+        may_fail = scenario.battery is not None or scenario.faults != type(scenario.faults)()
+        may_open = len(world.gates.kind) > 0 or bool((breaks[:, 2] > tick).any())
+        may_act = may_fail or may_open or world.rules.period.any()
+        if may_act or not asked_orders(world).is_known.all():
+            return None
+        return int(world.deadlocks.since[inside].min())
 
 
 # Detection of jams during a run. Each jam is reported once.

@@ -9,12 +9,16 @@ from automaton.strategy.api import (
     BATTERY_FULL,
     CMD_DROP_AT,
     CMD_PARK,
+    CMD_RETREAT,
+    CMD_STEP,
     CMD_TAKE_ORDER,
+    CMD_WAIT,
     GOAL_NONE,
     KEEP,
     NIL,
     REASON_IDLE,
     REASON_PICKED,
+    REASON_RETREATING,
     Array,
     Strategy,
     Struct,
@@ -211,6 +215,23 @@ def counting(me, view):
         return drop_at(view.target_of(me.load))
     orders = view.open_orders()
     return take(orders[0]) if orders else park()
+
+
+class RetreatsLate(Strategy):
+    """Right of way that lets robots wait for 2,000 ticks after its first call, and then retreat."""
+
+    layer = "right_of_way"
+    first = None
+
+    def decide(self, view, batch, decisions, memory, workspace):
+        tick = int(view.clock.tick)
+        self.first = tick if self.first is None else self.first
+        out = decisions.right_of_way
+        for k in range(batch.count):
+            step = batch.reason[k] == REASON_RETREATING
+            late = CMD_STEP if step else CMD_RETREAT
+            out.command[k] = late if tick > self.first + 2000 else CMD_WAIT
+            out.value[k] = (tick + k) % 4 if step else 3
 
 
 class FailsLater(Strategy):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 import functools
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -13,8 +14,8 @@ from example_counts import examples
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from automaton.engine.observation import DELIVERED_ORDERS, EVENT_DELIVERED
-from automaton.history.event_history import EventHistory
+from automaton.engine.observation import DELAY_COLUMNS, DELIVERED_ORDERS, EVENT_DELIVERED
+from automaton.history.event_history import STRIP_SAMPLES, AppendLog, EventHistory, LostByRows
 from automaton.history.live_run import LiveRun, branch_of
 from automaton.history.playback import Playback
 from automaton.history.watched_run import ReplayedRun, WatchedRun
@@ -437,3 +438,22 @@ def test_a_full_disk_ends_the_recording_and_not_the_run(tmp_path: Path) -> None:
     run.close()
     kept = read_recording(path.with_name("run.rec.part"))
     assert not path.exists() and 0 < kept.ticks < last
+
+
+def test_lost_time_by_rows_can_be_read_while_it_is_thinned(monkeypatch: pytest.MonkeyPatch) -> None:
+    lost = np.zeros((5 * 4, DELAY_COLUMNS), np.int32)
+    simulation = SimpleNamespace(tick=0, observation=SimpleNamespace(lost_ticks_by_cell=lost))
+    strip, seen = LostByRows(len(lost), 4), []
+    append = AppendLog.append
+
+    def watched(log: AppendLog, rows: Any) -> None:
+        append(log, rows)
+        seen.append(len(strip.rows))
+
+    for tick in range(STRIP_SAMPLES):
+        simulation.tick = tick + 1
+        strip.look(simulation)
+    monkeypatch.setattr(AppendLog, "append", watched)
+    simulation.tick = STRIP_SAMPLES + 1
+    strip.look(simulation)
+    assert min(seen) == STRIP_SAMPLES and len(strip.rows) == STRIP_SAMPLES // 2 + 1

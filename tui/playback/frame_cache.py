@@ -119,7 +119,9 @@ class Pictures:
             marked=found if len(found) else differs[differs < fleet],
             ghosts=ghosts_of(playback, side),
             is_compared=self._is_compared,
-            bottlenecks=choice.bottlenecks if side == choice.side else (),
+            bottlenecks=choice.bottlenecks[side]
+            if choice.bottlenecks and side == choice.side
+            else (),
         )
 
     def take_zones(self, resolved: Resolved) -> bool:

@@ -23,7 +23,7 @@ from automaton.history.divergence import Divergence
 from automaton.history.live_run import LiveDivergence, LiveRun
 from automaton.history.snapshot import Snapshot, take_snapshot
 from automaton.history.watched_run import COMPUTE_SLICE_S, WatchedRun
-from automaton.runs.run_diagnosis import permanent_deadlock
+from automaton.runs.run_diagnosis import DeadlockWatch
 from tui.playback.playback_state import (
     LongTick,
     Overlays,
@@ -83,6 +83,7 @@ class Player:
         self._hit: Hit | None = None  # the breakpoint that stopped it
         self._stuck: int | None = None  # the deadlock that stopped it, which does so once
         self._may_be_stuck = True
+        self._deadlocks = [DeadlockWatch() for _ in self.runs]
         self._overlays = [Overlays() for _ in self.runs]
         live = [run for run in self.runs if isinstance(run, LiveRun)]
         self._divergence = LiveDivergence(*live) if len(live) == 2 else None
@@ -353,10 +354,14 @@ class Player:
 
     def _stop_if_stuck(self, forwards: bool) -> None:
         """Halt, once, where live runs can only repeat a deadlock."""
-        fronts = [run.leading_simulation for run in self.runs if run.live and run.end is None]
+        fronts = [
+            (watch, run.leading_simulation)
+            for watch, run in zip(self._deadlocks, self.runs, strict=True)
+            if run.live and run.end is None
+        ]
         if not (self._may_be_stuck and forwards and fronts):
             return
-        begun = [permanent_deadlock(front) for front in fronts if front.tick == self._tick]
+        begun = [watch.begun(front) for watch, front in fronts if front.tick == self._tick]
         first = min((tick for tick in begun if tick is not None), default=None)
         if len(begun) == len(fronts) and None not in begun and first is not None:
             self._halt()

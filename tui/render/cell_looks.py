@@ -244,6 +244,13 @@ def draw_box(dots: Dots, step: int = 1) -> None:
     dots[[1, -2], 1:-1:step] = True
 
 
+def framed(glyphs: GlyphSet, width: int, height: int, fg: int) -> Codes:
+    """(height x width) a frame of this colour."""
+    dots = np.zeros((4 * height, 2 * width), bool)
+    draw_box(dots)
+    return code(style(fg, styles.COLOUR_FLOOR), line_glyphs(glyphs, dots))
+
+
 def draw_corners(dots: Dots) -> None:
     """Draw the corners of such a frame."""
     rows, columns = dots.shape

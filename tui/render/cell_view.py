@@ -43,9 +43,9 @@ from tui.render.cell_looks import (
     Canvas,
     Cells,
     cell_codes,
-    draw_box,
     draw_exits,
     flow_codes,
+    framed,
     heat_codes,
     line_glyphs,
     look,
@@ -253,9 +253,7 @@ def draw_gates(canvas: Canvas) -> None:
 def draw_sign(canvas: Canvas, index: Cells, fg: int, sign: int) -> None:
     """Draw a sign in some cells, with a frame where cells have several rows."""
     if canvas.height > 1:
-        dots = np.zeros((4 * canvas.height, 2 * canvas.width), bool)
-        draw_box(dots)
-        canvas.flat[index] = code(style(fg, styles.COLOUR_FLOOR), line_glyphs(canvas.glyphs, dots))
+        canvas.flat[index] = framed(canvas.glyphs, canvas.width, canvas.height, fg)
     canvas.flat[index, canvas.sign] = code(style(fg, styles.COLOUR_FLOOR), sign)
 
 
@@ -371,32 +369,9 @@ def draw_robots(canvas: Canvas) -> None:
     robots = fleet.robots_of(scene)
     index, which = canvas.at(robots.cell)
     marks = fleet.marks_of(scene, len(robots.cell))
-    if canvas.height > 1:
-        canvas.flat[index] = fleet.drawn_robots(canvas, robots, which, marks[which])
-    else:
-        draw_signs(canvas, robots, index, which, marks[which])
+    drawing = fleet.RobotDrawing(canvas.glyphs, canvas.width, canvas.height, scene.floor.battery)
+    canvas.flat[index] = fleet.robot_codes(drawing, robots, which, marks[which])
     draw_crowds(canvas, index, which, robots, marks)
-
-
-def draw_signs(
-    canvas: Canvas,
-    robots: fleet.DrawnRobots,
-    index: Cells,
-    which: NDArray[np.intp],
-    marks: NDArray[np.uint32],
-) -> None:
-    """Draw robots in cells of one row: a sign, and beside it a load mark or the number."""
-    scene, glyphs, colour = canvas.scene, canvas.glyphs, robots.colour[which]
-    robot_styles = style(styles.COLOUR_FLOOR, colour)
-    glyph = fleet.shape_glyphs(glyphs)[robots.shape[which], robots.direction[which]]
-    canvas.flat[index, 0] = code(fleet.sign_styles(colour, marks), glyph)
-    if canvas.width == 2:
-        assert scene.snapshot is not None
-        mark = np.where(scene.snapshot.robots.load[which] != NIL, glyphs.cargo, glyphs.blank)
-        canvas.flat[index, 1] = code(robot_styles, mark)
-    elif canvas.width > 2:
-        names = fleet.number_glyphs(glyphs, len(robots.cell), canvas.width - 1)
-        canvas.flat[index, 1:] = code(robot_styles[:, None], names[which])
 
 
 def draw_crowds(

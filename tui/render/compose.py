@@ -38,6 +38,7 @@ from tui.render.camera import (
     dot_blocks,
     middle_cell,
     part_of,
+    shown_rectangle,
 )
 from tui.render.cell_looks import (
     CELL_COLOURS,
@@ -80,6 +81,9 @@ TOP_DOTS, BOTTOM_DOTS = 0x1B, 0xE4
 TOP_PAIR, BOTTOM_PAIR = 0x11, 0x84  # for an empty shelf
 
 HALVES = np.array([0x1B, 0xE4], np.uint8)  # the dots of the upper and the lower half of a character
+
+# Robots whose signs are not underlined.
+SIGN_STYLED = tuple({*styles.ROBOT_COLOURS} - {styles.COLOUR_WAITING, styles.COLOUR_FAULT})
 
 BLANK: Final = np.uint32(0xFFFFFFFF)  # no code: outside the frame
 
@@ -131,6 +135,12 @@ def with_half_rows(rows: Codes, glyphs: GlyphSet) -> Codes:
     pairs = rows.reshape(-1, 2, rows.shape[1])
     grounds = (pairs >> np.uint32(GLYPH_BITS)) % np.uint32(len(styles.COLOUR_TABLE))
     shared = fleet.paired(glyphs, grounds[:, 0], grounds[:, 1])
+    if not glyphs.shaded:  # the style of the robot's sign, which costs no bytes
+        for beside, body, sign in ((1, 0, glyphs.lower_half), (0, 1, glyphs.upper_half)):
+            inked = np.isin(grounds[:, body], SIGN_STYLED if body else list(styles.ROBOT_COLOURS))
+            inked &= grounds[:, beside] == styles.COLOUR_FLOOR
+            cut_out = code(style(styles.COLOUR_FLOOR, grounds[:, body]), sign)
+            shared = np.where(inked, cut_out, shared)
     walls = pairs & GLYPHS == glyphs.wall
     dots = walls[:, 0] * HALVES[0] | walls[:, 1] * HALVES[1]
     half = code(style(styles.COLOUR_WALL, styles.COLOUR_FLOOR), np.array(glyphs.braille)[dots])
@@ -328,6 +338,69 @@ def layer_signs(scene: Scene, camera: Camera, glyphs: GlyphSet) -> Codes | None:
         y = middle_cell(rows, zoom.down, zoom.height)
         return np.asarray(signs[np.ix_(y, middle_cell(columns, zoom.across, zoom.width))])
     return signs[part.top : part.bottom, part.left : part.right]
+
+
+# Robots and other contents of one cell alone, for a legend.
+
+
+def robot_pictures(
+    scene: Scene, zoom: Zoom, glyphs: GlyphSet, robots: fleet.DrawnRobots, mark: int = 0
+) -> Codes:
+    """(k, rows, columns) each of these robots as drawn without a number in the floor's first cell.
+
+    Where two cells share a row, it is left to `cell_picture`.
+    mark: the colour that marks them, or 0.
+    """
+    count = len(robots.cell)
+    if zoom.kind == "cells":
+        size = glyphs, zoom.width, zoom.text_rows
+        drawing = fleet.RobotDrawing(*size, scene.floor.battery, numbered=False)
+        marks = np.full(count, mark, np.uint32)
+        codes = fleet.robot_codes(drawing, robots, np.arange(count), marks)
+        shape = count, zoom.text_rows, zoom.width
+        return codes.reshape(shape)
+    if paints_pixels(scene, zoom):
+        halves = np.array([robots.colour, np.full(count, mark or styles.COLOUR_FLOOR)], np.uint8)
+        return paired(halves, glyphs).reshape(count, 1, 1)
+    shown = shown_rectangle(scene.floor.floor_plan)
+    rows, columns = zoom.size((shown.bottom - shown.top, shown.right - shown.left))
+    fleet_size = 0 if scene.snapshot is None else len(scene.snapshot.robots.cell)
+    on_layer = zoom.kind == "pixels" or scene.shaded
+    filled = fleet.far_mark(fleet_size, rows * columns, on_layer)
+    quarters = zoom.kind == "quarters" and not on_layer
+    sign, solid = robot_signs(glyphs, bits_of(zoom)[:1, 0], filled, quarters)
+    if mark:
+        sign = np.where(sign == glyphs.fleet_full, glyphs.fleet_half[0], sign)
+        styled = style(robots.colour, mark)
+    else:
+        over = style(styles.COLOUR_FLOOR, robots.colour)
+        styled = np.where(solid, over, style(robots.colour, styles.COLOUR_FLOOR))
+    return code(styled, sign).reshape(count, 1, 1)
+
+
+def far_sign(scene: Scene, zoom: Zoom, glyphs: GlyphSet, fg: int, stands: bool = False) -> int:
+    """The code of something of this colour in the first cell, if it `stands` in the whole character."""
+    floor = styles.COLOUR_FLOOR
+    if paints_pixels(scene, zoom) or (stands and scene.shaded):
+        return int(pairs(glyphs)[fg * len(styles.COLOUR_TABLE) + (fg if stands else floor)])
+    dots = 255 if stands else int(bits_of(zoom)[0, 0])
+    return int(code(style(fg, floor), glyphs.braille[dots]))
+
+
+def paints_pixels(scene: Scene, zoom: Zoom) -> bool:
+    """Whether robots and overlays are pixels: on a layer, they are dots unless pixels are enlarged."""
+    layered = scene.tints is not None or scene.values is not None
+    return zoom.is_enlarged or (zoom.kind == "pixels" and not layered)
+
+
+def cell_picture(codes: Codes, zoom: Zoom, glyphs: GlyphSet) -> Codes:
+    """A cell (rows, columns) as shown at a zoom, without blank rows above and below it."""
+    if zoom.down > 1:
+        codes = with_half_rows(codes, glyphs)[:2]
+    grounds = (codes >> np.uint32(GLYPH_BITS)) % np.uint32(len(styles.COLOUR_TABLE))
+    blank = (codes & GLYPHS == glyphs.blank) & (grounds == styles.COLOUR_FLOOR)
+    rows = np.flatnonzero(~blank.all(axis=1))
+    return codes[rows[0] : rows[-1] + 1] if len(rows) else codes[:1]
 
 
 # Pictures in half blocks.

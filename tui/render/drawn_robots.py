@@ -21,7 +21,7 @@ from __future__ import annotations
 
 from functools import lru_cache
 from itertools import pairwise
-from typing import TYPE_CHECKING, Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,10 +39,6 @@ from automaton.engine.state import BATTERY_FULL, NIL
 from tui.render import styles
 from tui.render.scene import Scene
 from tui.render.styles import GLYPH_BITS, GLYPHS, Codes, Entries, GlyphSet, code, style
-
-if TYPE_CHECKING:
-    from tui.render.cell_looks import Canvas
-
 
 COLOURINGS: Final = {  # by name: their words in the palette and in messages
     "state": "what they do",
@@ -123,6 +119,24 @@ class DrawnRobots(NamedTuple):
     direction: NDArray[np.uint8]
     shape: NDArray[np.uint8]
     colour: NDArray[np.uint32]
+    loaded: NDArray[np.bool_]
+    waits: NDArray[np.bool_]  # also for an order
+    charge: NDArray[np.int32]
+
+    def of(self, which: NDArray[np.intp]) -> DrawnRobots:
+        """Some of them."""
+        arrays: list[Any] = [array[which] for array in self]
+        return DrawnRobots(*arrays)
+
+
+class RobotDrawing(NamedTuple):
+    """How robots are drawn in cells of width x height characters."""
+
+    glyphs: GlyphSet
+    width: int
+    height: int
+    battery: bool  # they run on batteries
+    numbered: bool = True  # where there is room
 
 
 def robots_of(scene: Scene) -> DrawnRobots:
@@ -131,7 +145,8 @@ def robots_of(scene: Scene) -> DrawnRobots:
     fleet, floor = scene.snapshot.robots, scene.floor
     looks = robot_looks(fleet, floor.headings, floor.battery, floor.faults)
     colour = colours_of(scene, looks.state)
-    return DrawnRobots(cell_of(fleet), looks.state, looks.direction, looks.shape, colour)
+    place = cell_of(fleet), looks.state, looks.direction, looks.shape, colour
+    return DrawnRobots(*place, fleet.load != NIL, fleet.cause != 0, fleet.charge)
 
 
 def colours_of(scene: Scene, state: NDArray[np.uint8]) -> NDArray[np.uint32]:
@@ -284,60 +299,79 @@ def _level_words(scene: Scene) -> list[str]:
     return ["does not wait", *(f"has waited {ticks} ticks" for ticks in waited)]
 
 
-# The characters of drawn robots, from their sprites, colours, numbers and charge.
+# The characters of robots, from their sprites, colours, numbers and charge.
 
 
-def drawn_robots(
-    canvas: Canvas, robots: DrawnRobots, which: NDArray[np.intp], marks: Colours
+def robot_codes(
+    drawing: RobotDrawing, robots: DrawnRobots, which: NDArray[np.intp], marks: Colours
 ) -> Codes:
     """(k, characters of a cell) codes of the robots `which`; marks: (k,), see `marks_of`.
 
-    A marked robot has the mark's colour around its outline and behind its sign.
+    In a cell of one row: a sign, and beside it a load mark or the number. A drawn robot that is
+    marked has the mark's colour around its outline and behind its sign.
     """
-    snapshot = canvas.scene.snapshot
-    assert snapshot is not None
-    drawings = sprites(canvas.width, canvas.height, canvas.scene.floor.battery)
-    shape, direction = robots.shape[which], robots.direction[which].astype(np.intp)
-    waits = snapshot.robots.cause[which] != 0
-    outline = np.where(np.isin(shape, HEADLESS), ROUND, np.where(waits, FLAT, POINTED))
-    load = (snapshot.robots.load[which] != NIL).astype(np.intp)
-    body = robots.colour[which]
-    colours = pixel_colours(canvas, which, body, drawings.bar[outline, direction])
+    fleet_size, robots = len(robots.cell), robots.of(which)
+    if drawing.height == 1:
+        return signed_robots(drawing, robots, fleet_size, which, marks)
+    drawings = sprites(drawing.width, drawing.height, drawing.battery)
+    shape, direction = robots.shape, robots.direction.astype(np.intp)
+    outline = np.where(np.isin(shape, HEADLESS), ROUND, np.where(robots.waits, FLAT, POINTED))
+    load = robots.loaded.astype(np.intp)
+    colours = pixel_colours(drawing, robots, drawings.bar[outline, direction])
     colours[:, OUTSIDE] = np.where(marks, marks, colours[:, OUTSIDE])
     robot = np.arange(len(which))[:, None]
     above = drawings.upper[outline, load, direction]
     below = drawings.lower[outline, load, direction]
     upper, lower = colours[robot, above], colours[robot, below]
-    codes = paired(canvas.glyphs, upper, lower)
-    if canvas.glyphs.shaded:  # without colours, signs show the load
+    codes = paired(drawing.glyphs, upper, lower)
+    if drawing.glyphs.shaded:  # without colours, signs show the load
         cargo = (above == LOAD) & (below == LOAD)
-        codes[cargo] = code(style(styles.COLOUR_FLOOR, lower[cargo]), canvas.glyphs.cargo)
+        codes[cargo] = code(style(styles.COLOUR_FLOOR, lower[cargo]), drawing.glyphs.cargo)
     sign = drawings.sign[outline, direction]
-    glyph = shape_glyphs(canvas.glyphs)[shape, direction]
+    glyph = shape_glyphs(drawing.glyphs)[shape, direction]
     row = np.arange(len(which))
     codes[row, sign] = code(sign_styles(ground(upper[row, sign], lower[row, sign]), marks), glyph)
-    starts, room = drawings.number[outline, direction], drawings.room[outline, direction]
-    draw_numbers(canvas, codes, len(robots.cell), which, (starts, room), (upper, lower))
+    if drawing.numbered:
+        starts, room = drawings.number[outline, direction], drawings.room[outline, direction]
+        draw_numbers(drawing, codes, fleet_size, which, (starts, room), (upper, lower))
     return codes
 
 
-def pixel_colours(
-    canvas: Canvas, which: NDArray[np.intp], body: Colours, bar: NDArray[np.intp]
-) -> Colours:
+def signed_robots(
+    drawing: RobotDrawing,
+    robots: DrawnRobots,
+    fleet_size: int,
+    which: NDArray[np.intp],
+    marks: Colours,
+) -> Codes:
+    """(k, width) codes of these robots in cells of one row; `which`: their identities."""
+    glyphs, width = drawing.glyphs, drawing.width
+    codes = np.empty((len(which), width), np.uint32)
+    glyph = shape_glyphs(glyphs)[robots.shape, robots.direction]
+    codes[:, 0] = code(sign_styles(robots.colour, marks), glyph)
+    beside = np.full((len(which), width - 1), glyphs.blank, np.uint32)
+    if width == 2:
+        beside[robots.loaded] = glyphs.cargo
+    elif width > 2 and drawing.numbered:
+        beside = number_glyphs(glyphs, fleet_size, width - 1)[which]
+    codes[:, 1:] = code(style(styles.COLOUR_FLOOR, robots.colour)[:, None], beside)
+    return codes
+
+
+def pixel_colours(drawing: RobotDrawing, robots: DrawnRobots, bar: NDArray[np.intp]) -> Colours:
     """(k, BAR + width) the colours of each robot's pixels, by their content.
 
     bar: (k,) length in pixels of a full battery's bar.
     """
-    colours = np.full((len(body), BAR + canvas.width), styles.COLOUR_FLOOR, np.uint32)
+    body, charge = robots.colour, robots.charge
+    colours = np.full((len(body), BAR + drawing.width), styles.COLOUR_FLOOR, np.uint32)
     colours[:, BODY] = body
     on_load = body == styles.COLOUR_LOADED
     colours[:, LOAD] = np.where(on_load, styles.COLOUR_TEXT, styles.COLOUR_LOADED)
-    if canvas.scene.floor.battery:
-        assert canvas.scene.snapshot is not None
-        charge = canvas.scene.snapshot.robots.charge[which]
+    if drawing.battery:
         pixels = -(-charge.astype(np.int64) * bar // BATTERY_FULL)
         full = np.where(charge < looks.LOW_CHARGE, styles.COLOUR_LOW_BATTERY, styles.COLOUR_DONE)
-        lit = np.arange(canvas.width) < pixels[:, None]
+        lit = np.arange(drawing.width) < pixels[:, None]
         colours[:, BAR:] = np.where(lit, full[:, None], styles.COLOUR_FLOOR)
     return colours
 
@@ -358,7 +392,7 @@ def ground(upper: Colours, lower: Colours) -> Colours:
 
 
 def draw_numbers(
-    canvas: Canvas,
+    drawing: RobotDrawing,
     codes: Codes,
     fleet_size: int,
     which: NDArray[np.intp],
@@ -367,13 +401,13 @@ def draw_numbers(
 ) -> None:
     """Write the numbers of robots, centred in their room, where they fit and leave a gap."""
     digits = len(str(max(fleet_size - 1, 0)))
-    if digits >= canvas.width:
+    if digits >= drawing.width:
         return  # they would run into those of adjacent robots
     (starts, room), (upper, lower) = places, colours
-    names = number_glyphs(canvas.glyphs, fleet_size, digits)[which]
+    names = number_glyphs(drawing.glyphs, fleet_size, digits)[which]
     first = starts + (room - digits + 1) // 2
     for column in range(digits):
-        here = np.flatnonzero((room >= digits) & (names[:, column] != canvas.glyphs.blank))
+        here = np.flatnonzero((room >= digits) & (names[:, column] != drawing.glyphs.blank))
         place = first[here] + column
         bg = ground(upper[here, place], lower[here, place])
         codes[here, place] = code(style(styles.COLOUR_FLOOR, bg), names[here, column])

@@ -236,7 +236,7 @@ class Choice:
     layer: str = ""
     least: int = 2  # minimum number of paths in the layer "predicted"
     side: int = 0  # index of the run that the panels show
-    bottlenecks: tuple[int, ...] = ()  # cells, numbered from 1 on the map
+    bottlenecks: tuple[tuple[int, ...], ...] = ()  # of each run: cells, numbered from 1 on its map
     following: bool = False
     route: bool = True
     minimap: bool = True

@@ -311,7 +311,9 @@ class FindActions:
         cells = [one.cell for one in worst]
         at = cells.index(session.choice.cell) if session.choice.cell in cells else NIL
         at = (at + 1) % len(worst)
-        session.choice.bottlenecks = tuple(cells)
+        session.choice.bottlenecks = tuple(
+            tuple(one.cell for one in figures.bottlenecks) for figures in session.playback.figures
+        )
         session.choose(cell=cells[at])
         session.show_cell(cells[at])
         one = worst[at]

@@ -1,35 +1,40 @@
 """The legend: the meanings of the map's signs, in the colours of the map.
 
-It lists the signs that can occur on this floor, at this zoom, with this layer.
+It lists the signs that can occur on this floor, at this zoom, with this layer. Robots and cells are
+drawn as the map draws them at this zoom, but not larger than at 8x4, so that many fit.
 """
 
 from __future__ import annotations
 
 from functools import lru_cache
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from automaton.drawings import looks
 from automaton.drawings.looks import DETAIL_OUTSIDE, DETAIL_SHIFT, KIND_MASK
-from automaton.engine.state import STATUS_DEPLETED, STATUS_FAILED
+from automaton.engine.state import BATTERY_FULL, STATUS_DEPLETED, STATUS_FAILED
 from automaton.floor.floor_plan import CELL_KINDS, FLOOR, SHELF, STORAGE, TRACK, WALL
 from automaton.vocabulary import COLOUR_WORDS, CONDITION_WORDS
 from tui.playback.panel_view import Picture, View
 from tui.render import drawn_robots as fleet
 from tui.render import styles
-from tui.render.camera import Zoom, shown_rectangle
+from tui.render.camera import ZOOM_ONE_TO_ONE, Zoom, dots, drawn
 from tui.render.cell_looks import (
     DRIVEN,
+    FAR_LOAD,
     FAR_SHELF,
     STORING_KINDS,
     cell_codes,
     colour_of,
     flow_codes,
+    framed,
     heat_codes,
     look,
+    sign_place,
 )
-from tui.render.drawn_robots import BAR_HEIGHT, colour_entries, is_possible
+from tui.render.compose import cell_picture, far_sign, paints_pixels, robot_pictures
+from tui.render.drawn_robots import BAR_HEIGHT, DrawnRobots, colour_entries, is_possible
 from tui.render.layer import nothing_yet
 from tui.render.scene import (
     DETAIL_FULL_SHELF,
@@ -40,13 +45,17 @@ from tui.render.scene import (
     Scene,
     ShownFloor,
 )
-from tui.render.styles import GLYPH_BITS, GLYPHS, GlyphSet, code, style
+from tui.render.styles import GLYPH_BITS, GLYPHS, Codes, GlyphSet, code, style
 from tui.widgets.panel import Line, Span, TextPanel, cell_link, line, title, wrapped
 
 STROKE = 0x24  # braille dots of a horizontal line
 
-MAX_WORST_CELLS = 10  # listed cells of a layer
+MAX_WORST_CELLS = 5  # listed cells of a layer
 SIGN_COLUMNS = 9  # columns for the signs
+LARGEST_SAMPLE = drawn(8, 4)  # at which cells are drawn
+NO_SIGN = 0  # a blank between two signs, and beside pictures
+ALL_WAYS = (0, 1, 2, 3)
+LOW_SAMPLE = looks.LOW_CHARGE // 2
 WAIT_CYCLE = COLOUR_WORDS["fault"].partition(",")[0]
 FAR_STATES = (
     *(looks.DRAW_FAULT, looks.DRAW_WAITING, looks.DRAW_LOW_BATTERY, looks.DRAW_LOADED),
@@ -63,20 +72,31 @@ class Legend(TextPanel):
         if picture is None:
             return []
         entries = legend(picture.scene, picture.zoom, picture.glyphs)
-        signs = [made for entry in entries for made in _entry(entry, picture, width)]
-        return [*signs, *_worst(picture.scene)]
+        lines = [_entry(entry, picture, width) for entry in entries]
+        first = len(_layer(picture.scene, picture.glyphs))
+        lines.insert(first, _worst(picture.scene))
+        return [one for entry in lines for one in entry]
 
 
 def _entry(entry: LegendLine, picture: Picture, width: int) -> list[Line]:
-    """The lines of one entry: signs, and their meaning beside them."""
-    signs: list[Span | str] = []
-    for sign in entry.signs[: SIGN_COLUMNS // 2]:
-        character = picture.glyphs.characters[sign & int(GLYPHS)]
-        signs += [Span(character, picture.look.rich(sign >> GLYPH_BITS)), " "]
-    gap = " " * (SIGN_COLUMNS - len(signs))
+    """The lines of one entry: signs, and their meaning beside them; a blank below a drawing."""
     meaning = wrapped(line(entry.meaning), width - SIGN_COLUMNS)
-    first = (*line(*signs, gap), *meaning[0])
-    return [first, *((Span(" " * SIGN_COLUMNS), *rest) for rest in meaning[1:])]
+    lines = []
+    for row in range(max(len(entry.rows), len(meaning))):
+        codes = entry.rows[row][: SIGN_COLUMNS - 1] if row < len(entry.rows) else ()
+        signs = (_span(one, picture) for one in codes)
+        words = meaning[row] if row < len(meaning) else ()
+        lines.append((*signs, Span(" " * (SIGN_COLUMNS - len(codes))), *words))
+    return [*lines, ()] if len(entry.rows) > 1 else lines
+
+
+def _span(sign: int, picture: Picture) -> Span:
+    """A sign in its style."""
+    if sign == NO_SIGN:
+        return Span(" ")
+    return Span(
+        picture.glyphs.characters[sign & int(GLYPHS)], picture.look.rich(sign >> GLYPH_BITS)
+    )
 
 
 def _worst(scene: Scene) -> list[Line]:
@@ -88,41 +108,57 @@ def _worst(scene: Scene) -> list[Line]:
         return []
     wide = max(len(link.text) for link, _ in cells)
     rows = [line(link, f"{' ' * (wide - len(link.text))}{n:>9,}") for link, n in cells]
-    return [(), line(title(f"most {scene.map_layer.unit}")), *rows]
+    return [(), line(title(f"most {scene.map_layer.unit}")), *rows, ()]
 
 
 class LegendLine(NamedTuple):
     """An entry of a legend."""
 
-    signs: tuple[int, ...]  # codes
+    rows: tuple[tuple[int, ...], ...]  # codes: of a picture, or of signs with gaps
     meaning: str
+
+    @property
+    def signs(self) -> tuple[int, ...]:
+        """The codes without gaps."""
+        return tuple(one for row in self.rows for one in row if one != NO_SIGN)
+
+
+def signed(signs: tuple[int, ...], meaning: str) -> LegendLine:
+    """An entry of single signs."""
+    row = tuple(one for sign in signs for one in (sign, NO_SIGN))
+    return LegendLine((row[:-1],) if row else (), meaning)
+
+
+def pictured(codes: Codes, zoom: Zoom, glyphs: GlyphSet, meaning: str) -> LegendLine:
+    """An entry of a cell (rows, columns)."""
+    shown = cell_picture(codes, zoom, glyphs)
+    return LegendLine(tuple(map(tuple, shown.tolist())), meaning)
 
 
 def legend(scene: Scene, zoom: Zoom, glyphs: GlyphSet) -> list[LegendLine]:
     """The entries: layer, robots, overlays, floor."""
+    zoom = LARGEST_SAMPLE if zoom.is_drawn and zoom.area > LARGEST_SAMPLE.area else zoom
     near = zoom.kind == "cells"
     entries = _robots(scene, zoom, glyphs) if near else _far_robots(scene, zoom, glyphs)
-    if scene.colouring != "state" and is_possible(scene, scene.colouring):
+    if _has_classes(scene):
         sign = glyphs.loaded[0] if near else glyphs.fleet[255]
-        colours = [LegendLine(*entry) for entry in colour_entries(scene, sign)]
-        entries = colours + _without_colours(entries, near)
-    elif fleet.is_grey(scene):
-        entries = _without_colours(entries, near)
+        entries = [signed(*entry) for entry in colour_entries(scene, sign)] + entries
     entries = _layer(scene, glyphs) + entries + _overlays(scene, zoom, glyphs)
-    return entries + floor_legend(scene.floor, near, glyphs)
+    if near:
+        return entries + _cells(scene.floor, zoom, glyphs)
+    return entries + _far_cells(scene, zoom, glyphs)
 
 
-@lru_cache(maxsize=8)
-def floor_legend(floor: ShownFloor, near: bool, glyphs: GlyphSet) -> list[LegendLine]:
-    """The entries of the cells of a floor, `near` or where a character holds many."""
-    return _cells(floor, glyphs) if near else _far_cells(floor, glyphs)
+def _has_classes(scene: Scene) -> bool:
+    """Whether robots are coloured by something other than their state."""
+    return scene.colouring != "state" and is_possible(scene, scene.colouring)
 
 
 def _layer(scene: Scene, glyphs: GlyphSet) -> list[LegendLine]:
     """The layer's own entries, or heat levels with their numbers."""
     own = scene.map_layer.entries(scene, glyphs)
     if own is not None:
-        return [LegendLine(*entry) for entry in own]
+        return [signed(*entry) for entry in own]
     if scene.values is None:
         return []
     if not scene.values.any():
@@ -133,7 +169,7 @@ def _layer(scene: Scene, glyphs: GlyphSet) -> list[LegendLine]:
         arrows = tuple(flow_codes(glyphs)[level].tolist())
         lines.setdefault(arrows if scene.map_layer.arrows else heat, []).append(level)
     return [
-        LegendLine(codes, f"{scene.map_layer.unit}: {scene.scale.words(levels[0], levels[-1])}")
+        signed(codes, f"{scene.map_layer.unit}: {scene.scale.words(levels[0], levels[-1])}")
         for codes, levels in lines.items()
     ]
 
@@ -149,54 +185,78 @@ def worst_cells(scene: Scene) -> list[tuple[int, int]]:
 # Robots.
 
 
+def sample(
+    scene: Scene, zoom: Zoom, glyphs: GlyphSet, state: int, shape: int, mark: int = 0
+) -> tuple[tuple[int, ...], ...]:
+    """The rows of a robot in this state and shape; of one sign, in all directions."""
+    ways = ALL_WAYS if zoom.kind == "cells" and zoom.width == 1 and not mark else (0,)
+    colour = int(fleet.BODY_COLOURS[state])
+    if (_has_classes(scene) or fleet.is_grey(scene)) and state != looks.DRAW_FAULT:
+        colour = styles.COLOUR_TEXT
+    charge = {looks.SHAPE_VOID: 0, looks.SHAPE_THIN: LOW_SAMPLE, looks.SHAPE_BOXED: LOW_SAMPLE}
+    fields = (0, state, 0, shape, colour, shape in looks.WITH_LOAD)
+    waits = state in (looks.DRAW_WAITING, looks.DRAW_FAULT)
+    one = (*fields, waits, charge.get(shape, BATTERY_FULL))
+    types = (np.int32, np.uint8, np.uint8, np.uint8, np.uint32, np.bool_, np.bool_, np.int32)
+    arrays: list[Any] = [np.full(len(ways), of, kind) for of, kind in zip(one, types, strict=True)]
+    arrays[2][:] = ways
+    robots = DrawnRobots(*arrays)
+    pictures = robot_pictures(scene, zoom, glyphs, robots, mark)
+    if len(ways) > 1:
+        return signed(tuple(pictures.reshape(-1).tolist()), "").rows
+    return pictured(pictures[0], zoom, glyphs, "").rows
+
+
 def _robots(scene: Scene, zoom: Zoom, glyphs: GlyphSet) -> list[LegendLine]:
-    shapes = fleet.shape_glyphs(glyphs)
-
-    def signs(state: int, shape: int, directions: tuple[int, ...]) -> tuple[int, ...]:
-        loaded = zoom.is_drawn and state == looks.DRAW_LOADED
-        body = int(fleet.BODY_COLOURS[state])
-        written = style(styles.COLOUR_FLOOR, body)
-        drawn = tuple(int(code(written, shapes[shape, d])) for d in directions)
-        cargo = style(styles.COLOUR_FLOOR, styles.COLOUR_TEXT)
-        return (*drawn, int(code(cargo, glyphs.blank))) if loaded else drawn
-
-    ways = (0, 1, 2, 3)
     waits = COLOUR_WORDS["waiting"] + (": flat in front" if zoom.is_drawn else "")
     load = "pod" if (scene.floor.floor_plan.kind == STORAGE).any() else "load"
-    entries = [
-        LegendLine(
-            signs(looks.DRAW_EMPTY, looks.SHAPE_HOLLOW, ways), "robot, and the way it faces"
-        ),
-        LegendLine(signs(looks.DRAW_LOADED, looks.SHAPE_FILLED, ways), f"robot with a {load}"),
-        LegendLine(signs(looks.DRAW_WAITING, looks.SHAPE_HOLLOW, (0,)), waits),
-        LegendLine(signs(looks.DRAW_FAULT, looks.SHAPE_HOLLOW, (0,)), WAIT_CYCLE),
-        LegendLine(signs(looks.DRAW_IDLE, looks.SHAPE_RING, (0,)), COLOUR_WORDS["idle"]),
-        LegendLine(signs(looks.DRAW_PARKED, looks.SHAPE_SQUARE, (0,)), COLOUR_WORDS["parked"]),
+    samples = [
+        (looks.DRAW_EMPTY, looks.SHAPE_HOLLOW, "robot, and the way it faces"),
+        (looks.DRAW_LOADED, looks.SHAPE_FILLED, f"robot with a {load}"),
+        (looks.DRAW_WAITING, looks.SHAPE_HOLLOW, waits),
+        (looks.DRAW_FAULT, looks.SHAPE_HOLLOW, WAIT_CYCLE),
+        (looks.DRAW_IDLE, looks.SHAPE_RING, COLOUR_WORDS["idle"]),
+        (looks.DRAW_PARKED, looks.SHAPE_SQUARE, COLOUR_WORDS["parked"]),
     ]
     if scene.floor.battery:
         low = COLOUR_WORDS["low battery"]
-        empty = CONDITION_WORDS[STATUS_DEPLETED]
-        entries += [
-            LegendLine(
-                signs(looks.DRAW_CHARGING, looks.SHAPE_PLUG, (0,)), COLOUR_WORDS["charging"]
-            ),
-            LegendLine(signs(looks.DRAW_LOW_BATTERY, looks.SHAPE_THIN, ways), low),
-            LegendLine(
-                signs(looks.DRAW_LOW_BATTERY, looks.SHAPE_BOXED, ways), f"{low}, with a load"
-            ),
-            LegendLine(signs(looks.DRAW_FAULT, looks.SHAPE_VOID, (0,)), empty),
+        samples += [
+            (looks.DRAW_CHARGING, looks.SHAPE_PLUG, COLOUR_WORDS["charging"]),
+            (looks.DRAW_LOW_BATTERY, looks.SHAPE_THIN, low),
+            (looks.DRAW_LOW_BATTERY, looks.SHAPE_BOXED, f"{low}, with a load"),
+            (looks.DRAW_FAULT, looks.SHAPE_VOID, CONDITION_WORDS[STATUS_DEPLETED]),
         ]
-        if zoom.text_rows >= BAR_HEIGHT:
-            bar = style(styles.COLOUR_DONE, styles.COLOUR_ROBOT)
-            entries.append(
-                LegendLine((int(code(bar, glyphs.lower_half)),), "charge of its battery")
-            )
     if scene.floor.faults:
-        broken = CONDITION_WORDS[STATUS_FAILED]
-        entries.append(LegendLine(signs(looks.DRAW_FAULT, looks.SHAPE_CROSS, (0,)), broken))
+        samples.append((looks.DRAW_FAULT, looks.SHAPE_CROSS, CONDITION_WORDS[STATUS_FAILED]))
+    if _has_classes(scene) or fleet.is_grey(scene):  # then only shapes differ
+        samples = [one for one in samples if one[0] != looks.DRAW_WAITING]
+    entries = []
+    for state, shape, meaning in samples:
+        rows = sample(scene, zoom, glyphs, state, shape)
+        if zoom.width == 1 and shape in fleet.HEADLESS:
+            rows = (rows[0][:1],)
+        entries.append(LegendLine(rows, meaning))
+    if scene.floor.battery and zoom.text_rows >= BAR_HEIGHT:
+        bar = style(styles.COLOUR_DONE, styles.COLOUR_ROBOT)
+        sign = int(code(bar, glyphs.lower_half))
+        entries.append(signed((sign,), "charge of its battery"))
+    return entries + _signs(scene, zoom, glyphs)
+
+
+def _signs(scene: Scene, zoom: Zoom, glyphs: GlyphSet) -> list[LegendLine]:
+    """Loads, doors and others that stand alone in a cell; and robots that share one."""
+
+    def alone(sign: int, fg: int, meaning: str, in_frame: bool = False, bg: int = 0) -> None:
+        rows, columns = zoom.text_rows, zoom.width
+        cell = np.full(rows * columns, code(style(styles.COLOUR_FLOOR, bg), glyphs.blank))
+        if in_frame and zoom.is_drawn:
+            cell = framed(glyphs, columns, rows, fg)
+        cell[sign_place(columns, rows)] = code(style(fg, bg), sign)
+        entries.append(pictured(cell.reshape(rows, columns), zoom, glyphs, meaning))
+
+    entries: list[LegendLine] = []
     if scene.floor.loads_may_lie:
-        left = int(code(style(styles.COLOUR_LOADED, styles.COLOUR_FLOOR), glyphs.left_load))
-        entries.append(LegendLine((left,), "load that a robot had to leave"))
+        alone(glyphs.left_load, styles.COLOUR_LOADED, "load that a robot had to leave", True)
     kinds = {name.partition(" ")[0] for name in scene.floor.place_names.values()}
     for kind, sign, fg, name in (
         ("closing", glyphs.closed, styles.COLOUR_FAULT, "closed now"),
@@ -206,115 +266,90 @@ def _robots(scene: Scene, zoom: Zoom, glyphs: GlyphSet) -> list[LegendLine]:
         ("lift", glyphs.lift, styles.COLOUR_TURNTABLE, "lift"),
     ):
         if kind in kinds:
-            entries.append(LegendLine((int(code(style(fg, styles.COLOUR_FLOOR), sign)),), name))
+            alone(sign, fg, name, in_frame=fg == styles.COLOUR_FAULT)
     if (scene.floor.floor_plan.capacity[scene.floor.floor_plan.drivable] != 1).any():
-        several = style(styles.COLOUR_FLOOR, styles.COLOUR_ROBOT)
-        entries.append(
-            LegendLine((int(code(several, glyphs.digits[2])),), "number of robots in one cell")
-        )
-    claim = int(code(style(styles.COLOUR_DIM, styles.COLOUR_FLOOR), glyphs.arrow[0]))
-    return [*entries, LegendLine((claim,), "held by a robot that is moving in")]
+        body = styles.COLOUR_ROBOT
+        alone(glyphs.digits[2], styles.COLOUR_FLOOR, "number of robots in one cell", bg=body)
+    alone(glyphs.arrow[0], styles.COLOUR_DIM, "held by a robot that is moving in")
+    return entries
 
 
 def _far_robots(scene: Scene, zoom: Zoom, glyphs: GlyphSet) -> list[LegendLine]:
     words = [COLOUR_WORDS[name] for name in looks.STATE_COLOURS]
     if not scene.floor.loads_may_lie:
         words[looks.DRAW_FAULT] = WAIT_CYCLE
-    entries = []
-    for state in FAR_STATES:
-        if state not in (looks.DRAW_CHARGING, looks.DRAW_LOW_BATTERY) or scene.floor.battery:
-            shown = _far_sign(scene, zoom, glyphs, int(fleet.BODY_COLOURS[state]))
-            entries.append(LegendLine((shown,), words[state]))
-    return entries
-
-
-def _far_sign(scene: Scene, zoom: Zoom, glyphs: GlyphSet, colour: int) -> int:
-    """The sign of a robot at small zooms."""
-    floor = shown_rectangle(scene.floor.floor_plan)
-    rows, columns = zoom.size((floor.bottom - floor.top, floor.right - floor.left))
-    robots = 0 if scene.snapshot is None else len(scene.snapshot.robots.cell)
-    on_layer = scene.values is not None or scene.tints is not None
-    if zoom.kind == "pixels" and not on_layer:
-        return int(code(style(colour, styles.COLOUR_FLOOR), glyphs.upper_half))
-    mark = fleet.far_mark(robots, rows * columns, on_layer or zoom.kind == "pixels")
-    if mark == fleet.MARK_FULL:
-        return int(code(style(styles.COLOUR_FLOOR, colour), glyphs.fleet_full))
-    dots = glyphs.fleet_quarters if zoom.kind == "quarters" and not on_layer else glyphs.fleet
-    sign = glyphs.fleet_half[0] if mark == fleet.MARK_HALF else dots[255]
-    return int(code(style(colour, styles.COLOUR_FLOOR), sign))
-
-
-def _without_colours(entries: list[LegendLine], near: bool) -> list[LegendLine]:
-    """The signs of robots in one colour, for colourings other than by state.
-
-    Small zooms have no shapes: there, only robots in wait cycles or down keep an entry.
-    """
-    bodies = {style(styles.COLOUR_FLOOR, int(colour)): colour for colour in fleet.BODY_COLOURS}
-    plain = style(styles.COLOUR_FLOOR, styles.COLOUR_TEXT)
-    shown = []
-    for signs, meaning in entries:
-        alarms = styles.COLOUR_FAULT in divmod(signs[0] >> GLYPH_BITS, len(styles.COLOUR_TABLE))
-        body = bodies.get(signs[0] >> GLYPH_BITS)
-        if alarms or (near and body is None):
-            shown.append(LegendLine(signs, meaning))
-        elif near and body != styles.COLOUR_WAITING:
-            shapes = [int(code(plain, one & int(GLYPHS))) for one in signs if one & int(GLYPHS)]
-            shown.append(LegendLine(tuple(shapes), meaning))
-    return shown
+    states: tuple[int, ...] = FAR_STATES
+    if _has_classes(scene) or fleet.is_grey(scene):  # small zooms have no shapes
+        states = (looks.DRAW_FAULT,)
+    return [
+        LegendLine(sample(scene, zoom, glyphs, state, looks.SHAPE_HOLLOW), words[state])
+        for state in states
+        if state not in (looks.DRAW_CHARGING, looks.DRAW_LOW_BATTERY) or scene.floor.battery
+    ]
 
 
 # Overlays and the floor.
 
 
 def _overlays(scene: Scene, zoom: Zoom, glyphs: GlyphSet) -> list[LegendLine]:
-    def bg(fg: int) -> tuple[int, ...]:
-        sign = glyphs.robot[0] if zoom.kind == "cells" else glyphs.upper_half
-        return (int(code(style(styles.COLOUR_ROBOT, fg), sign)),)
+    near = zoom.kind == "cells"
+
+    def robot(mark: int, meaning: str) -> LegendLine:
+        rows = sample(scene, zoom, glyphs, looks.DRAW_EMPTY, looks.SHAPE_HOLLOW, mark)
+        return LegendLine(rows, meaning)
+
+    def sign(fg: int, near_sign: int) -> tuple[int, ...]:
+        if not near:
+            return (far_sign(scene, zoom, glyphs, fg),)
+        return (int(code(style(fg, styles.COLOUR_FLOOR), near_sign)),)
 
     entries = []
     if scene.selected >= 0:
-        entries.append(LegendLine(bg(styles.COLOUR_SELECTED), f"robot {scene.selected}, selected"))
-        route = style(styles.COLOUR_ROUTE, styles.COLOUR_FLOOR)
-        sign = glyphs.lines[STROKE] if zoom.is_drawn else glyphs.route
-        entries.append(LegendLine((int(code(route, sign)),), "its route"))
-        if zoom.kind == "cells":
-            entries.append(LegendLine((int(code(route, glyphs.stand)),), "where the route ends"))
-    entries += path_entries(scene, glyphs)
+        entries.append(robot(styles.COLOUR_SELECTED, f"robot {scene.selected}, selected"))
+        route = glyphs.lines[STROKE] if zoom.is_drawn else glyphs.route
+        entries.append(signed(sign(styles.COLOUR_ROUTE, route), "its route"))
+        if near:
+            end = sign(styles.COLOUR_ROUTE, glyphs.stand)
+            entries.append(signed(end, "where the route ends"))
+    if scene.trails.size:
+        entries.append(signed(sign(styles.COLOUR_TRAIL, glyphs.trail), "where robots came from"))
+    if scene.lines:
+        whose = "the selected robot" if scene.lines == "selected" else "each robot"
+        codes = tuple(one for way in "-/" for one in sign(styles.COLOUR_GOAL_LINE, ord(way)))
+        entries.append(signed(codes if near else codes[:1], f"from {whose} straight to its goal"))
     if scene.bottlenecks:
         mark = style(styles.COLOUR_FLOOR, styles.COLOUR_MARKED)
         signs = tuple(int(code(mark, glyphs.digits[n + 1])) for n in range(len(scene.bottlenecks)))
-        entries.append(LegendLine(signs, "where most time was lost"))
+        entries.append(signed(signs, "where most time was lost"))
     if scene.zone >= 0:
-        entries.append(
-            LegendLine(
-                (int(code(style(styles.COLOUR_FLOOR, styles.COLOUR_MARKED), glyphs.blank)),),
-                scene.zone_name,
-            )
-        )
+        marked = int(code(style(styles.COLOUR_FLOOR, styles.COLOUR_MARKED), glyphs.blank))
+        codes = (marked,) if near else sign(styles.COLOUR_MARKED, 0)
+        entries.append(signed(codes, scene.zone_name))
     if len(scene.marked) or len(scene.marked_cells):
-        entries.append(LegendLine(bg(styles.COLOUR_MARKED), "found, or differs from the other run"))
+        entries.append(robot(styles.COLOUR_MARKED, "found, or differs from the other run"))
     if len(scene.ghosts):
-        sign = glyphs.ghost if zoom.kind == "cells" else glyphs.braille[255]
-        ghost = int(code(style(styles.COLOUR_DIM, styles.COLOUR_FLOOR), sign))
-        entries.append(LegendLine((ghost,), "where a robot of the other run is"))
+        ghost = sign(styles.COLOUR_DIM, glyphs.ghost)
+        entries.append(signed(ghost, "where a robot of the other run is"))
+    kinds = {name.partition(" ")[0] for name in scene.floor.place_names.values()}
+    if paints_pixels(scene, zoom) and kinds & {"closing", "door"}:
+        shut = sign(styles.COLOUR_TURNTABLE, 0)
+        entries.append(signed(shut, "closed now, or a door that is shut"))
     return entries
 
 
-def path_entries(scene: Scene, glyphs: GlyphSet) -> list[LegendLine]:
-    """Trails of robots and lines to their goals."""
-    trail = int(code(style(styles.COLOUR_TRAIL, styles.COLOUR_FLOOR), glyphs.trail))
-    line = style(styles.COLOUR_GOAL_LINE, styles.COLOUR_FLOOR)
-    signs = tuple(int(code(line, ord(sign))) for sign in "-/")
-    whose = "the selected robot" if scene.lines == "selected" else "each robot"
-    entries = [LegendLine((trail,), "where robots came from")] if scene.trails.size else []
-    return entries + (
-        [LegendLine(signs, f"from {whose} straight to its goal")] if scene.lines else []
+@lru_cache(maxsize=8)
+def floor_legend(floor: ShownFloor, near: bool, glyphs: GlyphSet) -> list[LegendLine]:
+    """The cells of a floor by single signs, `near` or where a character holds many."""
+    return (
+        _cells(floor, ZOOM_ONE_TO_ONE, glyphs)
+        if near
+        else _far_cells(Scene(floor), dots(1), glyphs)
     )
 
 
-def _cells(floor: ShownFloor, glyphs: GlyphSet) -> list[LegendLine]:
+def _cells(floor: ShownFloor, zoom: Zoom, glyphs: GlyphSet) -> list[LegendLine]:
     """The looks of this floor; looks that differ only in direction share an entry."""
-    codes = cell_codes(glyphs, 1)
+    codes = cell_codes(glyphs, zoom.width, zoom.text_rows)
     lines: dict[str, list[int]] = {}
     numbers = set(np.unique(floor.looks).tolist())
     if look(SHELF) in numbers:
@@ -322,20 +357,30 @@ def _cells(floor: ShownFloor, glyphs: GlyphSet) -> list[LegendLine]:
     if look(STORAGE) in numbers:
         numbers.add(look(STORAGE, DETAIL_POD))
     for number in sorted(numbers - {look(WALL, DETAIL_OUTSIDE)}):
-        signs = lines.setdefault(_meaning(number), [])
-        if int(codes[number, 0]) not in signs:
-            signs.append(int(codes[number, 0]))
-    return [LegendLine(tuple(signs), meaning) for meaning, signs in lines.items()]
+        lines.setdefault(_meaning(number), []).append(number)
+    entries = []
+    for meaning, alike in lines.items():
+        if zoom.width == 1:
+            signs = dict.fromkeys(int(codes[number, 0]) for number in alike)
+            entries.append(signed(tuple(signs), meaning))
+        else:
+            cell = codes[alike[0]].reshape(zoom.text_rows, zoom.width)
+            entries.append(pictured(cell, zoom, glyphs, meaning))
+    return entries
 
 
-def _far_cells(floor: ShownFloor, glyphs: GlyphSet) -> list[LegendLine]:
-    kinds = [kind for kind in np.unique(floor.floor_plan.kind).tolist() if kind not in DRIVEN]
-
-    def sign(kind: int) -> int:
+def _far_cells(scene: Scene, zoom: Zoom, glyphs: GlyphSet) -> list[LegendLine]:
+    kinds = np.unique(scene.floor.floor_plan.kind).tolist()
+    entries = []
+    for kind in (kind for kind in kinds if kind not in DRIVEN):
         fg = FAR_SHELF if kind in STORING_KINDS else colour_of(look(kind))
-        return int(code(style(fg, styles.COLOUR_FLOOR), glyphs.braille[255]))
-
-    return [LegendLine((sign(kind),), CELL_KINDS[kind].name.replace("-", " ")) for kind in kinds]
+        sign = far_sign(scene, zoom, glyphs, fg, stands=True)
+        entries.append(signed((sign,), CELL_KINDS[kind].name.replace("-", " ")))
+        if zoom.kind == "pixels" and kind in (SHELF, STORAGE):
+            sign = far_sign(scene, zoom, glyphs, FAR_LOAD, stands=True)
+            number = look(SHELF, DETAIL_FULL_SHELF) if kind == SHELF else look(STORAGE, DETAIL_POD)
+            entries.append(signed((sign,), _meaning(number)))
+    return entries
 
 
 def _meaning(number: int) -> str:

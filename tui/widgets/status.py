@@ -327,12 +327,14 @@ def stuck_words(begun: int) -> str:
     return f"deadlock since tick {begun:,} can only repeat: d goes to its beginning"
 
 
-def legend_words(entries: Sequence[tuple[tuple[int, ...], str]], rank: int) -> list[Word]:
+def legend_words(
+    entries: Sequence[tuple[tuple[tuple[int, ...], ...], str]], rank: int
+) -> list[Word]:
     """The entries of a legend as words; the last ones are omitted first, from this rank on."""
     plain, said = style(styles.COLOUR_DIM, styles.COLOUR_VOID), []
-    for entry, (signs, meaning) in enumerate(entries):
+    for entry, (rows, meaning) in enumerate(entries):
         written = (int(code(plain, glyph)) for glyph in text(f" {meaning}"))
-        codes = (*signs[:1], *written)
+        codes = (*rows[0][:1], *written)
         shown = tuple(one & int(GLYPHS) for one in codes)
         said.append(Word(shown, styles.COLOUR_DIM, "legend", rank + entry, codes))
     return said

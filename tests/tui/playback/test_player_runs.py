@@ -277,6 +277,20 @@ def test_it_stops_once_where_a_deadlock_can_only_repeat(clock: ManualClock) -> N
     assert (player.runs[0].leading_simulation.world.robots.cell == before).all()
 
 
+def test_a_deadlock_that_a_strategy_resolves_late_is_not_taken_for_stuck(
+    clock: ManualClock,
+) -> None:
+    late = live("fleet.robots=5", "strategy.right_of_way=example_strategies:RetreatsLate")
+    player = manual_player(clock, late)
+    player.seek(1500)
+    halted = player.settle()
+    active = late.leading_simulation.world.tally.active.max()
+    assert active < 1000 and late.leading_simulation.world.deadlocks.number.any()
+    player.seek(3000)
+    assert (halted.stuck, player.settle().stuck) == (None, None)
+    assert late.leading_simulation.world.tally.active.max() > 2000
+
+
 def test_a_fleet_that_delivers_is_never_taken_for_stuck(clock: ManualClock) -> None:
     player = manual_player(clock, live(*FLEET))
     player.seek(20_000)

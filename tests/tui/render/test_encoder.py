@@ -10,6 +10,7 @@ import pytest
 from example_counts import examples
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from render_scenes import composed, make_scene, open_floor
 from terminal_replay import cell_at, screen_of, wrong_cells
 
 from tui.render.encode import encode
@@ -209,3 +210,14 @@ def test_bytes_of_a_frame_in_which_every_robot_moves(
     look, pictures = Look(depth), walk(robots, 40)
     sizes = [len(encode(new, old, look, UNICODE).encode()) for old, new in pairwise(pictures)]
     assert np.mean(sizes) <= at_most
+
+
+def test_a_row_that_two_cells_share_needs_no_styles_of_its_own() -> None:
+    floor_plan = open_floor(9, 9)
+    robots = [{"cell": floor_plan.cell(x, 4), "load": x - 2} for x in (1, 4)]
+    moved = [{**one, "cell": one["cell"] + floor_plan.stride} for one in robots]
+    counts = []
+    for zoom in ("3x1", "3x1.5"):
+        old, new = (composed(make_scene(floor_plan, *fleet), zoom)[0] for fleet in (robots, moved))
+        counts.append(encode(new, old, Look(Depth.TRUE), UNICODE).count("m"))
+    assert counts[0] == counts[1]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import product
+
 import numpy as np
 import pytest
 from render_scenes import (
@@ -17,7 +19,11 @@ from render_scenes import (
     signs,
 )
 
+from automaton.drawings.looks import LOW_CHARGE
+from automaton.engine.observation import CAUSE_NO_ORDER, CAUSE_QUEUE
 from automaton.floor.traffic_zones import traffic_zones_of
+from tui.render import drawn_robots
+from tui.render.camera import Zoom, zoom_ladder
 from tui.render.styles import UNICODE
 from tui.widgets.legend_panel import legend, worst_cells
 from tui.widgets.status import describe
@@ -38,6 +44,62 @@ def test_the_legend_explains_every_sign_of_the_picture(zoom: str):
             if signs(np.array([code]))[0] not in " ⠀"
         }
         assert shown <= explained
+
+
+STATES = {  # words of the legend near and far, and fields of a robot in that state
+    ("robot, and the way it faces", "without a load"): {},
+    ("robot with a load", "with a load"): {"load": 1},
+    ("waiting", "waiting"): {"cause": CAUSE_QUEUE},
+    ("in a wait cycle", "in a wait cycle"): {"cause": CAUSE_QUEUE, "wait_cycle_ticks": 9},
+    ("idle", "idle"): {"cause": CAUSE_NO_ORDER},
+    ("parked", "parked"): {"parked": 1},
+    ("battery below 20 %", "battery below 20 %"): {"charge": LOW_CHARGE // 2},
+}
+LADDER = zoom_ladder((200, 200), (1, 1), 1)[:13]
+
+
+@pytest.mark.parametrize("robots", [1, 50, 400])  # on the floor or off it: they set the far marks
+@pytest.mark.parametrize("step", LADDER, ids=lambda step: step.name)
+def test_a_robot_in_the_legend_is_drawn_as_on_the_map(
+    step: Zoom, robots: int, monkeypatch: pytest.MonkeyPatch
+):
+    blanks = np.zeros((robots, step.width), np.uint32)
+    monkeypatch.setattr(drawn_robots, "number_glyphs", lambda *_: blanks[:, 1:])
+    monkeypatch.setattr(drawn_robots, "draw_numbers", lambda *_: None)
+    floor_plan = open_floor(40, 40)
+    for layer, (words, fields) in product(("", "visits"), STATES.items()):
+        there = {"cell": floor_plan.cell(0, 0), **fields}
+        heat = np.zeros(floor_plan.kind.size, np.int32)
+        more = {"battery": True, "heat": heat, "layer": layer}
+        scene = make_scene(floor_plan, there, *[{}] * (robots - 1), **more)
+        codes, _ = composed(scene, step.name)
+        near = step.kind == "cells"
+        shown = codes[: -(-step.height // step.down), : step.width if near else 1]
+        entries = legend(scene, step, UNICODE)
+        same = [one for one in entries if one.meaning.startswith(words[not near])]
+        if same or not layer:  # on heat, small zooms do not tell the states
+            rows = same[0].rows
+            assert (
+                (shown[0, 0] in rows[0])
+                if step.width == 1
+                else shown.tolist() == [*map(list, rows)]
+            )
+
+
+@pytest.mark.parametrize("step", LADDER, ids=lambda step: step.name)
+def test_a_cell_in_the_legend_is_drawn_as_on_the_map(step: Zoom):
+    scene = make_scene(drawn("\n".join(["c" * 14 + "."] * 28)))
+    codes, _ = composed(scene, step.name)
+    rows = next(one.rows for one in legend(scene, step, UNICODE) if one.meaning == "charger")
+    high, wide = (len(rows), step.width) if step.kind == "cells" else (1, 1)
+    assert codes[:high, :wide].tolist() == [list(row) for row in rows]
+
+
+def test_pictures_in_the_legend_are_not_larger_than_many_need():
+    scene = make_scene(open_floor(3, 3))
+    zooms = [step for step in zoom_ladder((3, 3), (60, 200), 1) if step.is_drawn]
+    large, largest = ([e.rows for e in legend(scene, step, UNICODE)] for step in zooms[:2])
+    assert zooms[0].area > 32 and large == largest and len(large[0]) == 4
 
 
 def test_the_legend_has_only_what_can_occur():

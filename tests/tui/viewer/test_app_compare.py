@@ -46,6 +46,24 @@ def test_what_is_found_in_the_larger_fleet_is_not_looked_for_in_the_smaller(tmp_
     asyncio.run(story())
 
 
+def test_numbered_bottlenecks_are_those_of_the_run_that_the_panels_show(tmp_path: Path) -> None:
+    async def story() -> None:
+        async with viewing(compared(tmp_path)) as user:
+            await user.at(300)
+            await user.press("y")
+            for side in (0, 1):
+                await user.until(lambda side=side: user.session.choice.side == side)
+                scenes = [user.session.scene(each) for each in (0, 1)]
+                figures = user.session.playback.figures[side]
+                assert scenes[side].bottlenecks == tuple(one.cell for one in figures.bottlenecks)
+                assert scenes[side].bottlenecks and not scenes[1 - side].bottlenecks
+                await user.press("o")
+            first, second = user.session.choice.bottlenecks
+            assert first != second
+
+    asyncio.run(story())
+
+
 def test_the_text_of_a_hidden_map_is_that_of_the_tick(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -48,6 +48,7 @@ def test_the_legend_shows_the_signs_of_the_map_in_its_colours(glyphs: object) ->
 
     async def story(stage: PanelHarness, pilot: Pilot[None]) -> None:
         scene, camera = _scene(busy())
+        camera.one_to_one()
         legend.show(replace(busy(), picture=Picture(scene, camera.zoom, LOOK, glyphs)))
         await pilot.pause()
         words = text(legend)

@@ -960,7 +960,8 @@ def formats_page() -> str:
         "exclude the warm-up, if there is one; `ticks` and `orders` cover the whole run. Studies of a "
         f"steady state add `{study.SERIES_COLUMN}` (deliveries per window) and "
         f"`{study.SUMS_COLUMN}` (sums per section). If a tick is a time, "
-        f"`{study.PERIODS_COLUMN}` contains the run by quarters of an hour (by hours if it is long).\n",
+        f"`{study.PERIODS_COLUMN}` contains the run by quarters of an hour (by hours if it is long). "
+        f"`{study.USES_COLUMN}` has the robot ticks of the whole run by use.\n",
         table(("column", "type"), columns),
     )
 

@@ -32,7 +32,7 @@ from automaton.documents.report_document import (
     Panels,
     ReportCurve,
     ReportDocument,
-    ShareBar,
+    ShareBars,
     SvgDrawing,
     Table,
     Text,
@@ -137,25 +137,32 @@ def curves_svg(curves: Curves) -> str:
     return f"<h4>{escape(title)}</h4>\n{''.join(parts)}</svg>"
 
 
-def share_svg(bar: ShareBar) -> str:
-    """A bar of coloured parts, and their names and shares below."""
-    rows = -(-len(bar.parts) // SHARE_LEGEND_COLUMNS)
-    out = [svg_open(WHOLE.width, SHARE_BAR_HEIGHT + 6 + LEGEND_LINE * rows, bar.title)]
-    step, x = WHOLE.width / SHARE_LEGEND_COLUMNS, 0.0
-    for at, (name, share, colour) in enumerate(bar.parts):
-        wide, text = share * WHOLE.width, f"{name} {percent(share)}"
-        left, top = (
-            at % SHARE_LEGEND_COLUMNS * step,
-            SHARE_BAR_HEIGHT + 6 + at // SHARE_LEGEND_COLUMNS * 18,
-        )
+def share_svg(block: ShareBars) -> str:
+    """Bars of coloured parts, each below its name, and the legend at the bottom."""
+    named = LEGEND_LINE if block.is_named else 0
+    bottom = len(block.bars) * (named + SHARE_BAR_HEIGHT + 6)
+    rows = -(-len(block.legend) // SHARE_LEGEND_COLUMNS)
+    out = [svg_open(WHOLE.width, bottom + LEGEND_LINE * rows, block.title)]
+    for at, (bar, parts) in enumerate(block.bars):
+        top, x = at * (named + SHARE_BAR_HEIGHT + 6) + named, 0.0
+        out += [svg_text(0, top - 5, bar, "start")] if bar else []
+        for name, share, colour in parts:
+            wide = share * WHOLE.width
+            out.append(
+                f'<rect x="{x:.1f}" y="{top}" width="{wide:.1f}" height="{SHARE_BAR_HEIGHT}" '
+                f'fill="{colour}"><title>{escape(f"{name} {percent(share)}")}</title></rect>'
+            )
+            x += wide
+    step = WHOLE.width / SHARE_LEGEND_COLUMNS
+    for at, (name, (colour, of_it)) in enumerate(block.legend.items()):
+        left, y = at % SHARE_LEGEND_COLUMNS * step, bottom + at // SHARE_LEGEND_COLUMNS * 18
+        text = name if of_it is None else f"{name} {percent(of_it)}"
         out.append(
-            f'<rect x="{x:.1f}" width="{wide:.1f}" height="{SHARE_BAR_HEIGHT}" fill="{colour}">'
-            f"<title>{escape(text)}</title></rect>"
-            f'<rect x="{left:.1f}" y="{top}" width="12" height="12" fill="{colour}"/>'
-            f"{svg_text(left + 17, top + 11, text, 'start')}"
+            f'<rect x="{left:.1f}" y="{y}" width="12" height="12" fill="{colour}"/>'
+            f"{svg_text(left + 17, y + 11, text, 'start')}"
         )
-        x += wide
-    return f"<h4>{escape(bar.title)}</h4>\n{''.join(out)}</svg>"
+    title = "" if block.is_named else f"<h4>{escape(block.title)}</h4>\n"
+    return f"{title}{''.join(out)}</svg>"
 
 
 def panels_html(panels: Panels) -> str:
@@ -475,7 +482,7 @@ def html_parts(block: Block) -> Iterator[str]:
         yield f'<div class="drawing">{curves_svg(block)}</div>'
     elif isinstance(block, Panels):
         yield f'<div class="drawing panels">{panels_html(block)}</div>'
-    elif isinstance(block, ShareBar):
+    elif isinstance(block, ShareBars):
         yield f'<div class="drawing">{share_svg(block)}</div>'
     elif isinstance(block, SvgDrawing):
         yield f'<div class="drawing site">{block.svg}<p>{escape(block.caption)}</p></div>'

@@ -188,12 +188,43 @@ class Panels:
     has_intervals: bool = False
 
 
+Shares = Sequence[tuple[str, float, str]]  # name, share, and colour as #rrggbb of each part
+
+
 @dataclass(frozen=True)
-class ShareBar:
-    """Shares of a whole as one bar with a legend; only terminals and HTML show it."""
+class ShareBars:
+    """Shares of a whole as bars with one legend; only terminals and HTML show them.
+
+    A single bar without a name has its title above it, and its shares in the legend; bars with names
+    follow a heading, and a table has their shares.
+    """
 
     title: str
-    parts: Sequence[tuple[str, float, str]]  # name, share, colour as #rrggbb
+    bars: Sequence[tuple[str, Shares]]  # name, parts
+
+    @property
+    def is_named(self) -> bool:
+        """Whether bars have names."""
+        return any(name for name, _ in self.bars)
+
+    @property
+    def legend(self) -> dict[str, tuple[str, float | None]]:
+        """Colour, and of a bar without a name the share, of each part."""
+        return {
+            name: (colour, None if self.is_named else share)
+            for _, parts in self.bars
+            for name, share, colour in parts
+        }
+
+    @property
+    def table(self) -> Table:
+        """The shares of each bar as numbers."""
+        shares = [{name: share for name, share, _ in parts} for _, parts in self.bars]
+        rows = [
+            [name, *(f"{100 * one.get(part, 0.0):.1f} %" for part in self.legend)]
+            for (name, _), one in zip(self.bars, shares, strict=True)
+        ]
+        return Table(("", *self.legend), rows)
 
 
 @dataclass(frozen=True)
@@ -237,7 +268,7 @@ Block = (
     | Table
     | Curves
     | Panels
-    | ShareBar
+    | ShareBars
     | SvgDrawing
     | HeatMap
     | Folded
@@ -249,8 +280,8 @@ def has_no_line(block: Block) -> bool:
     """Whether a block is empty, such as a list whose sentences are all optional."""
     if isinstance(block, Listed):
         return not block.items
-    if isinstance(block, ShareBar):
-        return not block.parts
+    if isinstance(block, ShareBars):
+        return not block.legend
     return isinstance(block, CharacterPicture) and not block.rows
 
 

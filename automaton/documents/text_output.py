@@ -30,7 +30,7 @@ from automaton.documents.report_document import (
     PageBreak,
     Panels,
     ReportDocument,
-    ShareBar,
+    ShareBars,
     StyledText,
     SvgDrawing,
     Table,
@@ -170,7 +170,7 @@ def block_lines(block: Block, width: int, is_styled: bool) -> Iterator[Line]:
         yield from ([*row] for row in block.rows)
     elif isinstance(block, Table):
         yield from table_lines(block, width, is_styled)
-    elif isinstance(block, ShareBar):
+    elif isinstance(block, ShareBars):
         yield from share_lines(block, width) if is_styled else ()
     elif isinstance(block, Curves | HeatMap):
         drawn = chart(block, width) if isinstance(block, Curves) else shaded(block, width)
@@ -400,22 +400,31 @@ def longest_word(text: str) -> int:
 # Bars, curves and maps of floors in characters.
 
 
-def share_lines(bar: ShareBar, width: int) -> Iterator[Line]:
-    """A bar of coloured parts, and their names and shares."""
-    columns, share_before, begin = min(width, WIDEST_CHART), 0.0, 0
-    drawn: Line = []
+def share_lines(block: ShareBars, width: int) -> Iterator[Line]:
+    """Bars of coloured parts, each beside or below its name, and the legend."""
+    marks = {name: PART_MARKS[at % len(PART_MARKS)] for at, name in enumerate(block.legend)}
+    margin = max(len(name) + 2 if name else 0 for name, _ in block.bars)
+    margin = margin if margin <= width // 2 else 0
+    columns = min(width - margin, WIDEST_CHART)
+    yield from () if block.is_named else ([(block.title, "bold")],)
+    for name, parts in block.bars:
+        yield from ([(line, "")] for line in wrapped(name, width) if name and not margin)
+        drawn: Line = [(name.ljust(margin), "")]
+        share_before, begin = 0.0, 0
+        for part, share, colour in parts:
+            share_before += share
+            end = round(share_before * columns)
+            drawn.append((marks[part] * (end - begin), colour))
+            begin = end
+        yield drawn if margin else drawn[1:]
     legend: list[Line] = [[]]
-    for at, (name, share, colour) in enumerate(bar.parts):
-        mark, text = PART_MARKS[at % len(PART_MARKS)], f" {name} {percent(share, 0)}"
-        share_before += share
-        end = round(share_before * columns)
-        drawn.append((mark * (end - begin), colour))
-        begin = end
+    for name, (colour, of_it) in block.legend.items():
+        text = f" {name}" if of_it is None else f" {name} {percent(of_it, 0)}"
         used = sum(len(part) for part, _ in legend[-1])
         if used and used + len(text) + 3 > width:
             legend.append([])
-        legend[-1] += [("  " if legend[-1] else "", ""), (mark, colour), (text, "")]
-    yield from ([(bar.title, "bold")], drawn, *legend)
+        legend[-1] += [("  " if legend[-1] else "", ""), (marks[name], colour), (text, "")]
+    yield from legend
 
 
 def chart(
@@ -562,7 +571,7 @@ def as_markdown(document: ReportDocument) -> str:
     lines: list[str] = []
     for block in document.blocks:
         # as SVG alone
-        is_drawn = isinstance(block, ShareBar) or (
+        is_drawn = isinstance(block, ShareBars) or (
             isinstance(block, Panels) and not block.has_intervals
         )
         if not isinstance(block, PageBreak) and not is_drawn and not has_no_line(block):

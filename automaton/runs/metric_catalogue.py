@@ -5,7 +5,7 @@ This module imports without Numba.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 from automaton.runs.metric_sums import TRAFFIC_SUMS
@@ -253,11 +253,27 @@ USE_MEANINGS: Final = {
 }
 
 
+TIME_TITLE: Final = "where the time of the robots went"
+
+
 def time_shares(uses: Mapping[str, int]) -> list[tuple[str, float, str]]:
     """Name, share and colour of each part of the robots' time that is not 0."""
     total = max(sum(uses.values()), 1)
     shares = ((name, part.ticks(uses) / total, part.colour) for name, part in TIME_USES.items())
     return [one for one in shares if one[1]]
+
+
+def mean_time_shares(
+    runs: Sequence[Sequence[tuple[str, float, str]]],
+) -> list[tuple[str, float, str]]:
+    """The mean of the `time_shares` of several runs, each of which counts alike."""
+    sums = dict.fromkeys(TIME_USES, 0.0)
+    for name, share, _ in (part for shares in runs for part in shares):
+        sums[name] += share
+    many = max(len(runs), 1)
+    return [
+        (name, sums[name] / many, part.colour) for name, part in TIME_USES.items() if sums[name]
+    ]
 
 
 def units_of(resolved: Resolved) -> tuple[Unit, Unit | None]:

@@ -11,7 +11,7 @@ from automaton.documents.report_document import (
     Listed,
     NumberText,
     ReportDocument,
-    ShareBar,
+    ShareBars,
     Table,
     Text,
 )
@@ -21,6 +21,7 @@ from automaton.runs.headless import LongestDeadlock, Outcome
 from automaton.runs.metric_catalogue import (
     METRIC_CATALOGUE,
     PER_1000_TICKS,
+    TIME_TITLE,
     USE_MEANINGS,
     time_shares,
     units_of,
@@ -81,7 +82,7 @@ def run_document(resolved: Resolved, outcome: Outcome) -> ReportDocument:
     )
     if outcome.by_period:
         document.add(periods_table(resolved, outcome.periods, outcome.metrics))
-    document.add(ShareBar("where the time of the robots went", time_shares(outcome.uses)))
+    document.add(ShareBars(TIME_TITLE, [("", time_shares(outcome.uses))]))
     document.add(uses_table(outcome))
     document.add(Heading("All metrics", 3), metrics_table(outcome, tick, cell))
     document.add(*([types_table(outcome, tick)] if outcome.types else []))

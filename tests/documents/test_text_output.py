@@ -13,7 +13,7 @@ from automaton.documents.report_document import (
     Heading,
     Listed,
     ReportDocument,
-    ShareBar,
+    ShareBars,
     StyledText,
     Table,
     Text,
@@ -149,7 +149,7 @@ def test_shares_are_a_bar_on_terminals_alone(monkeypatch: pytest.MonkeyPatch) ->
     monkeypatch.setenv("TERM", "xterm-256color")
     monkeypatch.setenv("NO_COLOR", "1")
     monkeypatch.setenv("COLUMNS", "20")
-    bar = ShareBar("time", [("driving", 0.75, "#e69f00"), ("idle", 0.25, "#bdbdbd")])
+    bar = ShareBars("time", [("", [("driving", 0.75, "#e69f00"), ("idle", 0.25, "#bdbdbd")])])
     text = on_terminal(ReportDocument("", [bar])).splitlines()
     assert text[1:] == ["█" * 15 + "▓" * 5, "█ driving 75 %", "▓ idle 25 %"]
     assert (
@@ -157,3 +157,22 @@ def test_shares_are_a_bar_on_terminals_alone(monkeypatch: pytest.MonkeyPatch) ->
     )
     drawing = as_html(ReportDocument("", [bar]))
     assert 'width="480.0"' in drawing and "driving 75.0 %" in drawing
+
+
+def test_several_bars_share_one_legend(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("TERM", "xterm-256color")
+    monkeypatch.setenv("NO_COLOR", "1")
+    monkeypatch.setenv("COLUMNS", "20")
+    driving, idle = ("driving", 0.5, "#e69f00"), ("idle", 0.5, "#bdbdbd")
+    bars = ShareBars("time", [("one", [driving, idle]), ("two", [("idle", 1.0, "#bdbdbd")])])
+    text = on_terminal(ReportDocument("", [bars])).splitlines()
+    assert text == ["one  ████████▓▓▓▓▓▓▓", "two  " + "▓" * 15, "█ driving  ▓ idle"]
+    named = ShareBars("time", [("a name of the bar", [driving, idle]), ("two", [idle])])
+    text = on_terminal(ReportDocument("", [named])).splitlines()
+    assert text[:2] == ["a name of the bar", "█" * 10 + "▓" * 10]  # a long name is above its bar
+    assert [*map(list, bars.table.rows)] == [
+        ["one", "50.0 %", "50.0 %"],
+        ["two", "0.0 %", "100.0 %"],
+    ]
+    drawing = as_html(ReportDocument("", [bars]))
+    assert drawing.count('fill="#bdbdbd"') == 3 and ">two</text>" in drawing

@@ -292,6 +292,12 @@ def test_the_command_answers_in_text(capsys: Any) -> None:
     for told in ("Estimand", "Indifference zone 0.02", "Robot time lost", "The last robot (2 -> 3)",
                  "Assumptions", "Durations 10 % longer", "Used", "error 0.05 / 4"):  # fmt: skip
         assert told in out
+    # The fleet of the answer and the next ones, and where the time of their robots went.
+    _, _, times = out.partition("\nWhere the time of the robots went, in whole runs:\n")
+    rows = re.findall(r"^([23]) robots +([\d.% ]+)$", times, re.M)
+    assert [row[0] for row in rows] == ["2", "3"]
+    for _, shares in rows:
+        assert sum(map(float, re.findall(r"[\d.]+", shares))) == pytest.approx(100, abs=0.4)
 
 
 def test_the_candidates_are_drawn_one_below_the_other() -> None:

@@ -8,6 +8,8 @@ const TICKS = film.last - film.first + 1;
 const SPEEDS = [0.1, 0.25, 0.5, 1, 2, 5, 10, 20, 50, 100]; // 1 is ten ticks per second
 const ONE_WAY = 1; // detail of cells
 const [X0, Y0, X1, Y1] = film.box;
+const MARGIN = 34, RIGHT = 8; // pixels of charts over time; the range of the slider's thumb lies between
+const MIN_ROW = 7, MAX_ROW = 14; // pixels of a robot's row
 const SIDES = [[1, 0], [0, 1], [-1, 0], [0, -1]]; // east, south, west, north
 
 let now = 0; // ticks since the first, with a fraction while playing
@@ -355,18 +357,101 @@ function drawCurve() { // waiting robots by tick, with a mark at the present
   let most = 1;
   for (let k = 0; k < TICKS; k++) most = Math.max(most, figure("waiting", k));
   ctx.fillStyle = colours().waiting;
-  const long = width - 16; // the range of the slider's thumb below
+  const long = width - MARGIN - RIGHT;
   for (let x = 0; x < long; x++) {
     const from = Math.floor((x / long) * TICKS), to = Math.max(from + 1, Math.floor(((x + 1) / long) * TICKS));
     let peak = 0;
     for (let k = from; k < to && k < TICKS; k++) peak = Math.max(peak, figure("waiting", k));
-    ctx.fillRect(x + 8, height - (peak / most) * (height - 14), 1, (peak / most) * (height - 14));
+    ctx.fillRect(x + MARGIN, height - (peak / most) * (height - 14), 1, (peak / most) * (height - 14));
   }
   ctx.fillStyle = colours().text;
   ctx.font = "11px system-ui, sans-serif";
-  ctx.fillText(`robots that wait, at most ${number(most)}`, 8, 10);
+  ctx.fillText(`robots that wait, at most ${number(most)}`, MARGIN, 10);
+  drawNow(ctx, width, height);
+}
+
+function drawNow(ctx, width, height) { // a mark at the present
   ctx.fillStyle = colours().cursor;
-  ctx.fillRect(8 + (now / Math.max(1, TICKS - 1)) * (width - 16) - 1, 0, 2, height);
+  ctx.fillRect(MARGIN + (now / Math.max(1, TICKS - 1)) * (width - MARGIN - RIGHT) - 1, 0, 2, height);
+}
+
+// The timeline: a row for each robot, in the colours of its states; many rows scroll.
+
+function rowHeight() {
+  return Math.max(MIN_ROW, Math.min(MAX_ROW, Math.floor((innerHeight * 0.3) / film.robots)));
+}
+
+function mostFrequent(robot, from, to) { // state in some ticks
+  const counts = new Array(film.states.length).fill(0);
+  for (let k = from; k < to; k++) counts[of("mark", robot, k) & 7]++;
+  return counts.indexOf(Math.max(...counts));
+}
+
+function stretches(robot, long) { // [first pixel, state] of each stretch in one state
+  const out = [];
+  for (let x = 0; x < long; x++) {
+    const from = Math.floor((x / long) * TICKS), to = Math.max(from + 1, Math.floor(((x + 1) / long) * TICKS));
+    const state = mostFrequent(robot, from, to);
+    if (!out.length || out[out.length - 1][1] !== state) out.push([x, state]);
+  }
+  return out;
+}
+
+const stretchesOf = []; // by robot; empty after the width has changed
+let stretchesLong = 0;
+
+function drawTimeline() {
+  const frame = $("rows"), canvas = $("timeline"), row = rowHeight();
+  if (frame.hidden) return;
+  const shown = Math.min(film.robots * row, Math.floor(parseFloat(getComputedStyle(frame).maxHeight)));
+  canvas.style.height = `${shown}px`;
+  $("rest").style.height = `${film.robots * row - shown}px`;
+  const ctx = sized(canvas), width = canvas.clientWidth, long = width - MARGIN - RIGHT;
+  if (long !== stretchesLong) { stretchesOf.length = 0; stretchesLong = long; }
+  ctx.clearRect(0, 0, width, shown);
+  ctx.font = "10px system-ui, sans-serif";
+  ctx.textAlign = "right";
+  ctx.textBaseline = "middle";
+  const first = Math.floor(frame.scrollTop / row), step = row < 11 ? 5 : 1;
+  for (let robot = first; robot < film.robots && robot * row < frame.scrollTop + shown; robot++) {
+    const y = robot * row - frame.scrollTop, parts = stretchesOf[robot] ??= stretches(robot, long);
+    parts.forEach(([x, state], at) => {
+      ctx.fillStyle = colours().states[state];
+      ctx.fillRect(MARGIN + x, y, (parts[at + 1]?.[0] ?? long) - x, row - 1);
+    });
+    ctx.fillStyle = colours().text;
+    if (robot % step === 0 || robot === selected) ctx.fillText(robot, MARGIN - 5, Math.max(5, y + row / 2));
+    ctx.strokeStyle = colours().selected;
+    ctx.lineWidth = 2;
+    if (robot === selected) ctx.strokeRect(MARGIN - 1, y - 1, long + 2, row + 1);
+  }
+  drawNow(ctx, width, shown);
+}
+
+function showRow() { // scrolls to the row of the selected robot
+  const frame = $("rows"), top = selected * rowHeight();
+  if (selected >= 0 && (top < frame.scrollTop || top + rowHeight() > frame.scrollTop + frame.clientHeight))
+    frame.scrollTop = top - frame.clientHeight / 2;
+}
+
+const tickAt = (x, canvas) => Math.round(((x - MARGIN) / (canvas.clientWidth - MARGIN - RIGHT)) * (TICKS - 1));
+
+function listenToTimeline() {
+  const canvas = $("timeline"), robotIn = (event) => Math.floor((event.offsetY + $("rows").scrollTop) / rowHeight());
+  canvas.addEventListener("click", (event) => {
+    goTo(tickAt(event.offsetX, canvas));
+    choose(robotIn(event), false);
+  });
+  canvas.addEventListener("pointermove", (event) => {
+    const k = Math.max(0, Math.min(TICKS - 1, tickAt(event.offsetX, canvas))), robot = robotIn(event);
+    if (robot < film.robots) canvas.title = `robot ${robot}, ${timeWords(film.first + k)}: ${film.states[of("mark", robot, k) & 7]}`;
+  });
+  $("rows").addEventListener("scroll", drawTimeline);
+  $("robots").addEventListener("click", () => {
+    $("rows").hidden = !$("rows").hidden;
+    $("robots").setAttribute("aria-pressed", String(!$("rows").hidden));
+    draw();
+  });
 }
 
 // The view
@@ -416,6 +501,7 @@ function draw() {
   drawShut(ctx, width, height);
   drawWait(ctx);
   drawRobots(ctx, width, height);
+  drawTimeline();
   drawCurve();
   write();
 }
@@ -449,6 +535,7 @@ function choose(robot, follow = following) {
   selected = robot;
   following = follow && robot >= 0;
   if (following && scale < 12) scale = 24;
+  showRow();
   draw();
 }
 
@@ -545,11 +632,12 @@ function listenToPointer() {
 function listen() {
   listenToKeys();
   listenToPointer();
+  listenToTimeline();
   const time = $("time");
   time.min = 0;
   time.max = TICKS - 1;
   time.addEventListener("input", () => goTo(Number(time.value)));
-  const seek = (event) => goTo(Math.round(((event.offsetX - 8) / ($("curve").clientWidth - 16)) * (TICKS - 1)));
+  const seek = (event) => goTo(tickAt(event.offsetX, $("curve")));
   $("curve").addEventListener("pointerdown", seek);
   $("curve").addEventListener("pointermove", (event) => event.buttons && seek(event));
   $("play").addEventListener("click", () => play(!playing));

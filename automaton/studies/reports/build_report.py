@@ -44,12 +44,14 @@ from automaton.studies.reports.metric_tables import (
     steady_section,
 )
 from automaton.studies.reports.site_pages import (
+    MAX_TIME_POINTS,
     deadlock_remarks,
     floor_maps,
     hours_section,
     inputs_section,
     jam_remarks,
     site_picture,
+    time_section,
 )
 from automaton.studies.reports.study_results import (
     LENGTHS,
@@ -120,6 +122,8 @@ def opening_of(report: StudyReport, every: str | None = None) -> ReportDocument:
     document.add(*(changes_section(study) if is_what_if(results) else ()))
     document.add(*inputs_section(results, scenarios))
     document.add(*hours_section(results, scenarios, points or results.points, every))
+    is_few = len(results.points) <= MAX_TIME_POINTS
+    document.add(*time_section(results, results.points if is_few else points or results.points))
     return document
 
 

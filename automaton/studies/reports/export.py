@@ -50,6 +50,7 @@ from automaton.studies.sweeps.study import (
     SCENARIO_FACTOR,
     SERIES_COLUMN,
     SUMS_COLUMN,
+    USES_COLUMN,
     Point,
 )
 from automaton.tables.table_files import MAX_SHEET_ROWS, too_many_in_sheet
@@ -198,8 +199,9 @@ def rows_table(table: Any) -> Any:
 
 
 def without_sums(table: Any) -> Any:
-    """A table without sums by stretch and by period, which spreadsheets cannot read."""
-    names = [name for name in table.column_names if name not in (SUMS_COLUMN, PERIODS_COLUMN)]
+    """A table without sums by stretch, use and period, which spreadsheets cannot read."""
+    hidden = (SUMS_COLUMN, USES_COLUMN, PERIODS_COLUMN)
+    names = [name for name in table.column_names if name not in hidden]
     return table.select(names)
 
 

@@ -20,6 +20,7 @@ from automaton.documents.report_document import (
     HeatMap,
     Panels,
     ReportCurve,
+    ShareBars,
     SvgDrawing,
     Table,
     Text,
@@ -30,7 +31,12 @@ from automaton.errors import InputError
 from automaton.floor.floor_plan import CELL_KINDS, DRIVABLE
 from automaton.runs.bottleneck import flow_name, joined, rate_unit
 from automaton.runs.headless import attribute_strategy_errors
-from automaton.runs.metric_catalogue import units_of
+from automaton.runs.metric_catalogue import (
+    TIME_TITLE,
+    mean_time_shares,
+    time_shares,
+    units_of,
+)
 from automaton.runs.periods import (
     Period,
     kept_period,
@@ -45,7 +51,7 @@ from automaton.scenario.order_lines import listed_lines
 from automaton.studies.reports.comparisons import point_name, setting_text
 from automaton.studies.reports.metric_tables import Scenarios
 from automaton.studies.reports.study_results import Results
-from automaton.studies.sweeps.study import PERIODS_COLUMN, Point
+from automaton.studies.sweeps.study import PERIODS_COLUMN, USES_COLUMN, Point
 from automaton.units import Unit, count, duration, number, unit
 from automaton.world.conversion_table import roundings, tick_values
 from automaton.world.resolved import Resolved
@@ -56,6 +62,7 @@ MAX_POINTS_READ: Final = 100  # whose settings are compared
 MAX_ENTRIES: Final = 6  # of a list that is printed
 MAX_PERIODS_SHOWN: Final = 24
 MAX_HOURLY_POINTS: Final = 4
+MAX_TIME_POINTS: Final = 8
 MAX_DEADLOCKED: Final = 4  # points in a sentence
 SECTIONS: Final = (
     *("units", "fleet", "durations", "orders", "pods", "stations", "battery", "faults", "areas"),
@@ -271,6 +278,22 @@ def hours_section(
         for point, periods in shown:
             yield Heading(point_name(results.study, point), 3)
             yield periods_table(scenarios[point.number], periods, has)
+
+
+def time_section(results: Results, points: Sequence[Point]) -> Iterator[Block]:
+    """Where the time of the robots went at some points: a bar and a line of a table for each."""
+    bars = []
+    for point in points[:MAX_TIME_POINTS]:
+        stored = results.stored(point, USES_COLUMN)
+        uses = [dict(one.as_py()) for is_complete, one in stored if is_complete and one is not None]
+        runs = [time_shares(one) for one in uses if one]
+        bars += [(point_name(results.study, point), mean_time_shares(runs))] if runs else []
+    if not bars:
+        return
+    yield Heading(TIME_TITLE[0].upper() + TIME_TITLE[1:])
+    yield Text("Shares of the robots' time in whole runs: means over the complete runs of a point.")
+    block = ShareBars(TIME_TITLE, bars)
+    yield from (block, block.table)
 
 
 def panels(

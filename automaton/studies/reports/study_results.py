@@ -40,6 +40,7 @@ from automaton.studies.sweeps.study import (
     SERIES_COLUMN,
     SUMS_COLUMN,
     TICKS_PER_SECOND,
+    USES_COLUMN,
     Analysis,
     Point,
     Study,
@@ -613,15 +614,14 @@ def latest_date(files: Sequence[Path]) -> str:
 def columns_of(table: pa.Table) -> dict[str, Sequence[Any]]:
     """Columns as lists, with deliveries by window as arrays and without sums by stretch.
 
-    Periods remain an Arrow column.
+    Uses of time and periods remain Arrow columns.
     """
-    lists_of_rows = (SERIES_COLUMN, SUMS_COLUMN, PERIODS_COLUMN)
+    lists_of_rows = (SERIES_COLUMN, SUMS_COLUMN, USES_COLUMN, PERIODS_COLUMN)
     names = [name for name in table.column_names if name not in lists_of_rows]
     columns: dict[str, Sequence[Any]] = {name: table.column(name).to_pylist() for name in names}
-    if PERIODS_COLUMN in table.column_names:
-        columns[PERIODS_COLUMN] = table.column(
-            PERIODS_COLUMN
-        )  # many numbers, of which few are read
+    for name in (USES_COLUMN, PERIODS_COLUMN):  # many numbers, of which few are read
+        if name in table.column_names:
+            columns[name] = table.column(name)
     if SERIES_COLUMN in table.column_names:
         columns[SERIES_COLUMN] = lists(table.column(SERIES_COLUMN))
     columns[TICKS_PER_SECOND] = [

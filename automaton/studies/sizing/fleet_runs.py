@@ -23,8 +23,8 @@ from automaton.engine.state import ACTION_CHARGE, ACTION_DROP, ACTION_PICK, ACTI
 from automaton.errors import InputError, nearest
 from automaton.floor.floor_plan import STATION
 from automaton.runs.headless import run_marked
-from automaton.runs.metric_catalogue import in_coarse_ticks
-from automaton.runs.metrics import counted, metrics_of
+from automaton.runs.metric_catalogue import in_coarse_ticks, time_shares
+from automaton.runs.metrics import counted, metrics_of, uses_of_run
 from automaton.runs.provenance import sources_of
 from automaton.runs.run_diagnosis import JamWatch, note_jam
 from automaton.runs.simulation import Simulation
@@ -66,6 +66,7 @@ MOVES_LATE: Final = "world.extra_tick_probability"  # lengthens moves that take 
 ORDER_METRICS = (*OF_TIMES, "legs_per_order")  # metrics that exist once an order is delivered
 STATION_USE = "station_use"  # share of the time of all stations in which they serve a robot
 CHARGER_USE = "charger_use"  # share of the time of all charging places in which a robot charges
+TIME_OF = "time of "  # before the parts of the robots' time in the whole run, which are shares
 FLEET_TICKS = "robot_ticks"  # ticks that the metrics cover, summed over the robots
 MOVE_KEY = re.compile(r"durations\.move[.=]")
 PLAIN_KEY = re.compile(r"[\w-]+")  # a name that can be part of a dotted key
@@ -95,6 +96,9 @@ def run_and_measure_use(simulation: Simulation) -> dict[str, float | int]:
         figures[STATION_USE] = used / (stations * elapsed)
     if places and world.rules.battery:
         figures[CHARGER_USE] = float(ticks[ACTION_CHARGE].sum()) / (places * elapsed)
+    figures |= {
+        f"{TIME_OF}{name}": share for name, share, _ in time_shares(uses_of_run(simulation))
+    }
     return in_coarse_ticks(figures, simulation.resolved.scenario.refine)
 
 
@@ -410,7 +414,7 @@ def check_measured(target: Target, run: FleetRun, scenario: Scenario) -> None:
         "part_flow_time": "parts_finished" in run.figures,
     }
     if target.metric not in run.figures and not nothing_yet.get(target.metric):
-        known = ", ".join(name for name in run.figures if not name.startswith("lost_"))
+        known = ", ".join(name for name in run.figures if not name.startswith(("lost_", TIME_OF)))
         need = not_measured(scenario).get(target.metric)
         hint = f"; it needs {need}" if need else ""
         raise InputError(

@@ -18,7 +18,7 @@ from automaton.documents.report_document import (
     Table,
     Text,
 )
-from automaton.studies.inference.intervals import STUDENT_MIN_RUNS, Effect, Interval
+from automaton.studies.inference.intervals import STUDENT_MIN_RUNS, TOO_FEW, Effect, Interval
 from automaton.studies.sizing.fleet_search import (
     PARKING,
     Candidate,
@@ -301,6 +301,45 @@ def candidate_as_json(candidate: Candidate, question: Question) -> dict[str, Any
 def size_key(question: Question) -> str:
     """The key of a number of what the search varies: "robots", "stations" or "chargers"."""
     return f"{question.quantity.noun}s"
+
+
+def between(interval: Interval) -> str:
+    """A share with its interval."""
+    if interval.low is None or interval.high is None:
+        return f"{percent(interval.value)} ({TOO_FEW})"
+    return f"{percent(interval.value)} ({100 * interval.low:.1f} to {100 * interval.high:.1f})"
+
+
+def with_half(interval: Interval, unit: str) -> str:
+    """A mean with its half-width, or with the ends of an interval that is cut off at 0."""
+    value, low, high = interval.value, interval.low, interval.high
+    text = mean_text(value, unit)
+    if low is None or high is None:
+        return f"{text} ({TOO_FEW})"
+    if low == 0 and high > 2 * value:
+        return f"{text} (0 to {mean_text(high, unit)})"
+    return f"{text} +- {mean_text(high - value, unit)}"
+
+
+def mean_text(value: float, unit: str) -> str:
+    """A mean of a metric; a share in percent."""
+    return f"{number(100 * value)} %" if unit == "share" else number(value)
+
+
+def change_text(difference: Interval, unit: str) -> str:
+    """A difference of means with its interval; of shares, in percentage points."""
+    if unit != "share":
+        return interval_text(difference)
+    low, high = (None if end is None else 100 * end for end in (difference.low, difference.high))
+    points = difference._replace(value=100 * difference.value, low=low, high=high)
+    return f"{interval_text(points)} percentage points"
+
+
+def interval_text(interval: Interval) -> str:
+    """A difference with its interval."""
+    if interval.low is None or interval.high is None:
+        return f"{interval.value:+,.4g} ({TOO_FEW})"
+    return f"{interval.value:+,.4g} ({interval.low:+,.4g} to {interval.high:+,.4g})"
 
 
 def gain_as_json(gain: MarginalGain, question: Question) -> dict[str, Any]:

@@ -15,18 +15,24 @@ from automaton.documents.report_document import (
     Heading,
     Listed,
     ReportDocument,
+    ShareBars,
     Table,
     Text,
 )
-from automaton.runs.metric_catalogue import METRIC_CATALOGUE
-from automaton.studies.inference.intervals import TOO_FEW, Interval
+from automaton.runs.metric_catalogue import (
+    METRIC_CATALOGUE,
+    TIME_TITLE,
+    TIME_USES,
+    mean_time_shares,
+)
 from automaton.studies.inference.proportions import expected_runs, fixed_runs, share_test
-from automaton.studies.sizing.fleet_runs import FLEET_TICKS, MOVES_LATE, PERCENTS_OFF
+from automaton.studies.sizing.fleet_runs import FLEET_TICKS, MOVES_LATE, PERCENTS_OFF, TIME_OF
 from automaton.studies.sizing.fleet_search import (
     DEFAULT_INDIFFERENCE,
     ROBOT_COUNT,
     Candidate,
     FleetConfig,
+    FleetRun,
     FleetSearch,
     Question,
     Target,
@@ -36,10 +42,14 @@ from automaton.studies.sizing.fleet_search import (
 )
 from automaton.studies.sizing.sizing_figures import (
     USES,
+    between,
+    change_text,
     confidence,
     judged_by,
+    mean_text,
     picture,
     shown_share,
+    with_half,
     zone,
 )
 from automaton.studies.sizing.sizing_session import (
@@ -354,6 +364,30 @@ def search_blocks(search: FleetSearch, session: SizingSession, several: bool) ->
     if gain is not None:
         lines += gain_lines(gain, question)
     yield Listed(lines, mark="")
+    yield from time_blocks(search, question, shown_one)
+
+
+def time_blocks(
+    search: FleetSearch, question: Question, decided: Candidate | None
+) -> Iterator[Block]:
+    """Where the time of the robots went with the deciding fleet and with the next ones."""
+    ran = [one for one in search.candidates if one.runs]
+    at = ran.index(decided) if decided in ran else 0
+    bars = [
+        (question.quantity.many(one.place.size), shares)
+        for one in ran[max(0, at - 1) : at + 2]
+        if (shares := mean_time_shares([run_time_shares(run) for run in one.runs]))
+    ]
+    if bars:
+        block = ShareBars(TIME_TITLE, bars)
+        yield from (Text(f"{TIME_TITLE[0].upper()}{TIME_TITLE[1:]}, in whole runs:"), block)
+        yield block.table
+
+
+def run_time_shares(run: FleetRun) -> list[tuple[str, float, str]]:
+    """The parts of the robots' time in a run."""
+    shares = ((name, run.figures.get(f"{TIME_OF}{name}"), part) for name, part in TIME_USES.items())
+    return [(name, float(share), part.colour) for name, share, part in shares if share]
 
 
 def candidate_notes(search: FleetSearch, question: Question) -> Iterator[str]:
@@ -403,29 +437,6 @@ def candidates_table(search: FleetSearch, question: Question) -> Table:
     return Table((*heads, "verdict"), rows, left=0, also_left=(6,))
 
 
-def between(interval: Interval) -> str:
-    """A share with its interval."""
-    if interval.low is None or interval.high is None:
-        return f"{percent(interval.value)} ({TOO_FEW})"
-    return f"{percent(interval.value)} ({100 * interval.low:.1f} to {100 * interval.high:.1f})"
-
-
-def with_half(interval: Interval, unit: str) -> str:
-    """A mean with its half-width, or with the ends of an interval that is cut off at 0."""
-    value, low, high = interval.value, interval.low, interval.high
-    text = mean_text(value, unit)
-    if low is None or high is None:
-        return f"{text} ({TOO_FEW})"
-    if low == 0 and high > 2 * value:
-        return f"{text} (0 to {mean_text(high, unit)})"
-    return f"{text} +- {mean_text(high - value, unit)}"
-
-
-def mean_text(value: float, unit: str) -> str:
-    """A mean of a metric; a share in percent."""
-    return f"{number(100 * value)} %" if unit == "share" else number(value)
-
-
 def spent_time(candidate: Candidate, question: Question) -> Iterator[str]:
     """Lost time by cause, and the utilization of robots, stations and chargers."""
     lost = sorted(lost_by_cause(candidate).items(), key=lambda item: -item[1])
@@ -461,22 +472,6 @@ def gain_lines(gain: MarginalGain, question: Question) -> Iterator[str]:
         f"{last} change{'s' if question.step == 1 else ''} mean {metric} by "
         f"{change_text(effect.difference, question.target.unit)}{relative}"
     )
-
-
-def change_text(difference: Interval, unit: str) -> str:
-    """A difference of means with its interval; of shares, in percentage points."""
-    if unit != "share":
-        return interval_text(difference)
-    low, high = (None if end is None else 100 * end for end in (difference.low, difference.high))
-    points = difference._replace(value=100 * difference.value, low=low, high=high)
-    return f"{interval_text(points)} percentage points"
-
-
-def interval_text(interval: Interval) -> str:
-    """A difference with its interval."""
-    if interval.low is None or interval.high is None:
-        return f"{interval.value:+,.4g} ({TOO_FEW})"
-    return f"{interval.value:+,.4g} ({interval.low:+,.4g} to {interval.high:+,.4g})"
 
 
 def best_lines(best: StrategySelection | None, question: Question) -> list[str]:

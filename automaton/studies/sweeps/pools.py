@@ -39,7 +39,7 @@ from automaton.runs.headless import (
     sums_by_stretch,
 )
 from automaton.runs.metric_catalogue import in_coarse_ticks
-from automaton.runs.metrics import metrics_of
+from automaton.runs.metrics import metrics_of, uses_of_run
 from automaton.runs.periods import PeriodMarks, kept_period, period_columns
 from automaton.runs.progress import asked_orders
 from automaton.runs.provenance import Sources, package_sources, plugin_sources
@@ -60,6 +60,7 @@ from automaton.studies.sweeps.study import (
     PERIODS_COLUMN,
     SERIES_COLUMN,
     SUMS_COLUMN,
+    USES_COLUMN,
 )
 from automaton.world.resolved import Resolved
 
@@ -390,6 +391,7 @@ def run_one(
             marks = run_marked(simulation, windows.stretch, watch, periods)
             row |= figures_of(simulation, windows.window, marks)
             row["jam"] = jams[0] if jams else None
+            row[USES_COLUMN] = uses_of_run(simulation)
             if periods is not None:
                 row[PERIODS_COLUMN] = period_columns(periods.periods(simulation))
     except InputError as error:

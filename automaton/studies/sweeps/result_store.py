@@ -48,6 +48,7 @@ from automaton.studies.sweeps.study import (
     RESULT_COLUMNS,
     SERIES_COLUMN,
     SUMS_COLUMN,
+    USES_COLUMN,
     Study,
     checked_study,
     column_value,
@@ -62,6 +63,7 @@ if TYPE_CHECKING:
 
 STUDY_FILE: Final = "study.yaml"
 ROWS_FOLDER: Final = "rows"
+LISTS_OF_ROWS: Final = (SERIES_COLUMN, SUMS_COLUMN, USES_COLUMN, PERIODS_COLUMN)
 KEY_COLUMNS: Final = ["key", "error"]  # the run of a row, and why it failed
 ATTEMPTS: Final = 10  # to list files, since some may be merged meanwhile
 BATCH_ROWS: Final = 500  # rows after which a file is written
@@ -219,6 +221,7 @@ def schema_of(study: Study, manifest: Manifest) -> pa.Schema:
         fields.append(pa.field(SERIES_COLUMN, pa.list_(pa.int32())))
         sums = [pa.field(name, pa.list_(pa.int64())) for name in sum_names(manifest.counted)]
         fields.append(pa.field(SUMS_COLUMN, pa.struct(sums)))
+    fields.append(pa.field(USES_COLUMN, pa.map_(pa.string(), pa.int64())))
     periods = [pa.field(name, pa.list_(pa.float64())) for name in PERIOD_COLUMNS]
     fields.append(pa.field(PERIODS_COLUMN, pa.struct(periods)))
     return pa.schema(fields)
@@ -540,7 +543,7 @@ def table_of(rows: list[Row], store: Store, schema: Any) -> Any:
     for field in schema:
         if field.name in known:
             values = known[field.name]
-        elif field.name in (*RESULT_COLUMNS, SERIES_COLUMN, SUMS_COLUMN, PERIODS_COLUMN):
+        elif field.name in (*RESULT_COLUMNS, *LISTS_OF_ROWS):
             values = [row.get(field.name) for row in rows]
         else:
             values = [row["metrics"].get(field.name) for row in rows]

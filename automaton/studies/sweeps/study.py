@@ -61,6 +61,7 @@ RESULT_COLUMNS: Final = {
 }
 SERIES_COLUMN: Final = "series"  # deliveries in each window; only in steady-state studies
 SUMS_COLUMN: Final = "sums"  # SUMS in each stretch of several windows; likewise
+USES_COLUMN: Final = "time_uses"  # robot ticks of the whole run by use, as of `uses_of_run`
 PERIODS_COLUMN: Final = "periods"  # PERIOD_COLUMNS by quarter of an hour; null without times
 TICKS_PER_SECOND: Final = "ticks_per_second"  # computed in reports: `ticks` / `cpu_s`
 RUN_METRICS: Final = {  # further metrics that an analysis may use: unit and meaning

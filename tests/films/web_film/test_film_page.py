@@ -231,6 +231,37 @@ def test_a_browser_seeks_follows_and_plays(crossing: Path, tmp_path: Path) -> No
     assert int(re.findall(r"tick (\d+)", played["tick"])[0]) > 60
 
 
+@pytest.mark.skipif(BROWSER is None, reason="no Chromium here")
+def test_a_click_in_the_timeline_goes_to_its_tick_and_robot(crossing: Path, tmp_path: Path) -> None:
+    text = page(crossing)
+    film = film_of(text)
+    states = column(film, "mark", 4) & 7
+    probe = """<script>
+    const click = (tick, robot) => {
+      const canvas = $("timeline"), box = canvas.getBoundingClientRect(), row = rowHeight();
+      const long = canvas.clientWidth - MARGIN - RIGHT, ctx = canvas.getContext("2d");
+      const clientX = box.left + MARGIN + tick / (TICKS - 1) * long;
+      const clientY = box.top + (robot + 0.5) * row;
+      const colours = [0, 1, 2, 3].map((one) =>
+        ctx.getImageData(MARGIN + (150.5 / TICKS) * long, one * row + 2, 1, 1).data.slice(0, 3));
+      canvas.dispatchEvent(new MouseEvent("click", { clientX, clientY }));
+      document.body.insertAdjacentHTML("beforeend", `<p id="colours">${colours.join(" ")}</p>`);
+    };
+    const timer = setInterval(() => {
+      if (!document.body.dataset.ready) return;
+      clearInterval(timer);
+      click(60, 2);
+    }, 50);
+    </script></body>"""
+    probed = tmp_path / "probed.html"
+    probed.write_text(text.replace("</body>", probe), encoding="utf-8")
+    moment = seen(probed, "tick=5", tmp_path)
+    assert moment["tick"] == "tick 60, 30 s" and "Robot 2" in moment["robot"]
+    expected = [film["colours"]["dark"]["states"][state] for state in states[:, 150]]
+    shown = ["#" + bytes(map(int, one.split(","))).hex() for one in moment["colours"].split()]
+    assert shown == expected and len(set(expected)) > 1
+
+
 def seen(film: Path, address: str, home: Path) -> dict[str, str]:
     """What a browser writes into the places of the page."""
     done = subprocess.run(

@@ -270,8 +270,9 @@ def draw_ring(dots: Dots) -> None:
 
 
 def fill(dots: Dots) -> None:
-    """Fill the inside of a frame."""
-    dots[3:-3, 3:-3] = True
+    """Fill the inside of a frame, up to its sides if it is narrow."""
+    side = 3 if dots.shape[1] > 6 else 2
+    dots[3:-3, side:-side] = True
 
 
 def line_glyphs(glyphs: GlyphSet, dots: Dots) -> NDArray[np.uint32]:

@@ -548,8 +548,8 @@ class Display:
         if session.divergence is not None:
             return [word(session.divergence.text, styles.COLOUR_TEXT, "next_difference")]
         hints = [word(text, styles.COLOUR_DIM, action, rank) for text, action, rank in HINTS]
-        near = session.pictures.camera.zoom.kind == "cells"
-        signs = floor_legend(session.scene().floor, near, session.glyphs)
+        zoom = session.pictures.camera.zoom
+        signs = floor_legend(session.scene().floor, zoom, session.glyphs)
         return hints + legend_words(signs, len(HINTS))
 
     def _update_panels(self, now: float) -> None:

@@ -53,6 +53,7 @@ STROKE = 0x24  # braille dots of a horizontal line
 MAX_WORST_CELLS = 5  # listed cells of a layer
 SIGN_COLUMNS = 9  # columns for the signs
 LARGEST_SAMPLE = drawn(8, 4)  # at which cells are drawn
+SMALL_SAMPLE = drawn(4, 2)  # a row of it is enough to recognise a cell
 NO_SIGN = 0  # a blank between two signs, and beside pictures
 ALL_WAYS = (0, 1, 2, 3)
 LOW_SAMPLE = looks.LOW_CHARGE // 2
@@ -245,33 +246,51 @@ def _robots(scene: Scene, zoom: Zoom, glyphs: GlyphSet) -> list[LegendLine]:
 
 def _signs(scene: Scene, zoom: Zoom, glyphs: GlyphSet) -> list[LegendLine]:
     """Loads, doors and others that stand alone in a cell; and robots that share one."""
-
-    def alone(sign: int, fg: int, meaning: str, in_frame: bool = False, bg: int = 0) -> None:
-        rows, columns = zoom.text_rows, zoom.width
-        cell = np.full(rows * columns, code(style(styles.COLOUR_FLOOR, bg), glyphs.blank))
-        if in_frame and zoom.is_drawn:
-            cell = framed(glyphs, columns, rows, fg)
-        cell[sign_place(columns, rows)] = code(style(fg, bg), sign)
-        entries.append(pictured(cell.reshape(rows, columns), zoom, glyphs, meaning))
-
-    entries: list[LegendLine] = []
+    entries = []
     if scene.floor.loads_may_lie:
-        alone(glyphs.left_load, styles.COLOUR_LOADED, "load that a robot had to leave", True)
-    kinds = {name.partition(" ")[0] for name in scene.floor.place_names.values()}
-    for kind, sign, fg, name in (
-        ("closing", glyphs.closed, styles.COLOUR_FAULT, "closed now"),
-        ("closing", glyphs.closing, styles.COLOUR_TURNTABLE, "closed at times"),
-        ("door", glyphs.door, styles.COLOUR_FAULT, "door that is shut"),
-        ("door", glyphs.open_door, styles.COLOUR_TURNTABLE, "door that is open"),
-        ("lift", glyphs.lift, styles.COLOUR_TURNTABLE, "lift"),
-    ):
-        if kind in kinds:
-            alone(sign, fg, name, in_frame=fg == styles.COLOUR_FAULT)
+        left = glyphs.left_load, styles.COLOUR_LOADED
+        entries.append(_alone(zoom, glyphs, left, "load that a robot had to leave", True))
+    entries += _gates(scene.floor, zoom, glyphs)
     if (scene.floor.floor_plan.capacity[scene.floor.floor_plan.drivable] != 1).any():
-        body = styles.COLOUR_ROBOT
-        alone(glyphs.digits[2], styles.COLOUR_FLOOR, "number of robots in one cell", bg=body)
-    alone(glyphs.arrow[0], styles.COLOUR_DIM, "held by a robot that is moving in")
-    return entries
+        several = glyphs.digits[2], styles.COLOUR_FLOOR
+        words = "number of robots in one cell"
+        entries.append(_alone(zoom, glyphs, several, words, bg=styles.COLOUR_ROBOT))
+    held = glyphs.arrow[0], styles.COLOUR_DIM
+    return [*entries, _alone(zoom, glyphs, held, "held by a robot that is moving in")]
+
+
+def _gates(floor: ShownFloor, zoom: Zoom, glyphs: GlyphSet) -> list[LegendLine]:
+    """Doors, lifts and cells that are closed at times."""
+    kinds = {name.partition(" ")[0] for name in floor.place_names.values()}
+    shut, moved = styles.COLOUR_FAULT, styles.COLOUR_TURNTABLE
+    return [
+        _alone(zoom, glyphs, (sign, fg), name, in_frame=fg == shut)
+        for kind, sign, fg, name in (
+            ("closing", glyphs.closed, shut, "closed now"),
+            ("closing", glyphs.closing, moved, "closed at times"),
+            ("door", glyphs.door, shut, "door that is shut"),
+            ("door", glyphs.open_door, moved, "door that is open"),
+            ("lift", glyphs.lift, moved, "lift"),
+        )
+        if kind in kinds
+    ]
+
+
+def _alone(
+    zoom: Zoom,
+    glyphs: GlyphSet,
+    sign: tuple[int, int],
+    meaning: str,
+    in_frame: bool = False,
+    bg: int = styles.COLOUR_FLOOR,
+) -> LegendLine:
+    """A sign, with its colour, as the only content of a cell."""
+    rows, columns = zoom.text_rows, zoom.width
+    cell = np.full(rows * columns, code(style(styles.COLOUR_FLOOR, bg), glyphs.blank))
+    if in_frame and zoom.is_drawn:
+        cell = framed(glyphs, columns, rows, sign[1])
+    cell[sign_place(columns, rows)] = code(style(sign[1], bg), sign[0])
+    return pictured(cell.reshape(rows, columns), zoom, glyphs, meaning)
 
 
 def _far_robots(scene: Scene, zoom: Zoom, glyphs: GlyphSet) -> list[LegendLine]:
@@ -338,13 +357,16 @@ def _overlays(scene: Scene, zoom: Zoom, glyphs: GlyphSet) -> list[LegendLine]:
 
 
 @lru_cache(maxsize=8)
-def floor_legend(floor: ShownFloor, near: bool, glyphs: GlyphSet) -> list[LegendLine]:
-    """The cells of a floor by single signs, `near` or where a character holds many."""
-    return (
-        _cells(floor, ZOOM_ONE_TO_ONE, glyphs)
-        if near
-        else _far_cells(Scene(floor), dots(1), glyphs)
-    )
+def floor_legend(floor: ShownFloor, zoom: Zoom, glyphs: GlyphSet) -> list[LegendLine]:
+    """The cells of a floor for a single line, whose height drawings do not exceed.
+
+    The best known are last.
+    """
+    if zoom.kind != "cells":
+        return _far_cells(Scene(floor), dots(1), glyphs)
+    step = SMALL_SAMPLE if zoom.is_drawn else ZOOM_ONE_TO_ONE
+    entries = _gates(floor, step, glyphs) + _cells(floor, step, glyphs)
+    return sorted(entries, key=lambda entry: entry.meaning in ("wall", "floor"))
 
 
 def _cells(floor: ShownFloor, zoom: Zoom, glyphs: GlyphSet) -> list[LegendLine]:

@@ -334,9 +334,18 @@ def legend_words(
     plain, said = style(styles.COLOUR_DIM, styles.COLOUR_VOID), []
     for entry, (rows, meaning) in enumerate(entries):
         written = (int(code(plain, glyph)) for glyph in text(f" {meaning}"))
-        codes = (*rows[0][:1], *written)
-        shown = tuple(one & int(GLYPHS) for one in codes)
-        said.append(Word(shown, styles.COLOUR_DIM, "legend", rank + entry, codes))
+        shown = [at for at, sign in enumerate(rows[0]) if sign & int(GLYPHS)]
+        signs = rows[0][shown[0] : shown[-1] + 1]  # without blanks beside them
+        codes = (*signs, *written)
+        said.append(
+            Word(
+                tuple(one & int(GLYPHS) for one in codes),
+                styles.COLOUR_DIM,
+                "legend",
+                rank + entry,
+                codes,
+            )
+        )
     return said
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import product
 
 import numpy as np
@@ -21,12 +22,15 @@ from render_scenes import (
 
 from automaton.drawings.looks import LOW_CHARGE
 from automaton.engine.observation import CAUSE_NO_ORDER, CAUSE_QUEUE
+from automaton.floor.floor_plan import SHELF
 from automaton.floor.traffic_zones import traffic_zones_of
 from tui.render import drawn_robots
 from tui.render.camera import Zoom, zoom_ladder
-from tui.render.styles import UNICODE
-from tui.widgets.legend_panel import legend, worst_cells
-from tui.widgets.status import describe
+from tui.render.cell_looks import cell_codes, look
+from tui.render.scene import DETAIL_FULL_SHELF
+from tui.render.styles import GLYPHS, UNICODE
+from tui.widgets.legend_panel import floor_legend, legend, worst_cells
+from tui.widgets.status import describe, legend_words
 
 
 @pytest.mark.parametrize("zoom", ["1x1", "braille 1"])
@@ -93,6 +97,28 @@ def test_a_cell_in_the_legend_is_drawn_as_on_the_map(step: Zoom):
     rows = next(one.rows for one in legend(scene, step, UNICODE) if one.meaning == "charger")
     high, wide = (len(rows), step.width) if step.kind == "cells" else (1, 1)
     assert codes[:high, :wide].tolist() == [list(row) for row in rows]
+
+
+@pytest.mark.parametrize("size", [(3, 2), (4, 2), (6, 2), (6, 3), (8, 4)])
+def test_a_shelf_with_a_load_differs_from_an_empty_one_in_shape(size: tuple[int, int]):
+    codes = cell_codes(UNICODE, *size)[[look(SHELF), look(SHELF, DETAIL_FULL_SHELF)]]
+    assert (codes[0] & GLYPHS != codes[1] & GLYPHS).any()
+
+
+def test_a_line_shows_a_row_of_drawn_cells_and_what_is_least_known_first():
+    floor_plan = drawn("s..\n#.d\n...")
+    floor = replace(make_scene(floor_plan).floor, place_names={floor_plan.cell(1, 0): "door 1"})
+    steps = {step.name: step for step in LADDER}
+    texts = {}
+    for zoom in ("8x4", "1x1", "braille 1"):
+        words = legend_words(floor_legend(floor, steps[zoom], UNICODE), 0)
+        texts[zoom] = [word.text for word in words]
+    assert texts["8x4"][:3] == [
+        *("⢰⊟⠒⡆ door that is shut", "⋂ door that is open", "⢰⠒⠒⡆ empty shelf")
+    ]
+    assert texts["1x1"][:3] == ["⊟ door that is shut", "⋂ door that is open", "▯ empty shelf"]
+    assert {"wall", "floor"} == {text.split()[-1] for text in texts["8x4"][-2:]}
+    assert "⣿ shelf" in texts["braille 1"]
 
 
 def test_pictures_in_the_legend_are_not_larger_than_many_need():

@@ -100,15 +100,16 @@ def spoilt_files():
     yield "pickled", buffer.getvalue()
     network = random_network(6)
     for name, change in {
-        "cut": {"bias3": network.layers[3][1][:-1]},
+        "cut": {"bias3": networks.bytes_apart(network.layers[3][1][:-1])},
         "wide": {"weights1": network.layers[1][0].astype(np.float64)},
-        "infinite": {"bias0": network.layers[0][1] * np.float16(np.inf)},
+        "infinite": {"bias0": networks.bytes_apart(network.layers[0][1] * np.float16(np.inf))},
         "other": {"about": np.array(json.dumps({"format": "something else"}))},
         "no object": {"about": np.array("[1]")},
     }.items():
         arrays = {"about": np.array(json.dumps({"format": networks.NETWORK_FORMAT}))}
         for k, (weights, bias) in enumerate(network.layers):
-            arrays |= {f"weights{k}": weights, f"bias{k}": bias}
+            arrays[f"weights{k}"] = networks.bytes_apart(weights)
+            arrays[f"bias{k}"] = networks.bytes_apart(bias)
         buffer = io.BytesIO()
         np.savez(buffer, **arrays | change)
         yield name, buffer.getvalue()

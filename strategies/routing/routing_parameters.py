@@ -278,7 +278,7 @@ def bytes_apart(values: Weights) -> npt.NDArray[np.uint8]:
 
 
 def of_bytes(apart: npt.NDArray[np.uint8]) -> Weights:
-    """The array with these low and high bytes. Raises ValueError or TypeError if there is none."""
+    """The array with these low and high bytes. Raises ValueError or TypeError for anything else."""
     if apart.dtype != np.uint8 or len(apart) != 2:
         raise TypeError("no low and high bytes")
     return np.moveaxis(apart, 0, -1).copy().view("<f2")[..., 0].astype(np.float16)

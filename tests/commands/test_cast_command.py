@@ -31,7 +31,7 @@ from tui.render.camera import Camera
 from tui.render.compose import compose
 from tui.render.encode import as_svg, as_text
 from tui.render.scene import Scene, floor_of
-from tui.render.styles import ASCII, DEPTHS, UNICODE, Codes, GlyphSet, Look
+from tui.render.styles import ASCII, DEPTHS, SHADED, UNICODE, Codes, GlyphSet, Look
 
 LAST = 205  # tick of the scenario crossing
 
@@ -109,7 +109,8 @@ def test_a_player_shows_the_run(
     assert f"{columns}x{rows}" == size
     screen = pyte.Screen(columns, rows)
     stream = pyte.Stream(screen)
-    resolved, glyphs = resolve("crossing"), ASCII if more else UNICODE
+    resolved, plain = resolve("crossing"), SHADED if color == "none" else UNICODE
+    glyphs = ASCII if more else plain
     looked_at = {0.0: 0, 2.0: 40, 4.5: 90, 7.0: 140, 10.3: LAST}  # seconds: tick, at 20 a second
     states = dict(zip(looked_at, snapshots_at(*looked_at.values()), strict=True))
     seen = 0

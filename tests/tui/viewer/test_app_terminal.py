@@ -338,7 +338,7 @@ def test_nothing_on_the_screen_has_more_colours_than_were_asked_for_in_either_th
             if color != "none":
                 session.host.wait_for(lambda old=before: papers(session) != old, "the other theme")
             hidden += unreadable(session)
-            for key, text in (("e", "filter"), ("t", "doing"), ("K", "turntable"), ("w", "wait")):
+            for key, text in (("e", "filter"), ("t", "doing"), ("K", "faces"), ("w", "wait")):
                 session.press(key)
                 session.wait_for_text(text)
                 hidden += unreadable(session)

@@ -54,7 +54,8 @@ class NamedNumbers(np.ndarray[Any, np.dtype[np.int64]]):
     @property
     def _address(self) -> int:
         """The address, which compiled code gets."""
-        return addressof(c_char.from_buffer(self))  # type: ignore[arg-type]
+        buffer: Any = self  # what a buffer is to type checkers depends on the version of NumPy
+        return addressof(c_char.from_buffer(buffer))
 
 
 def _entry(entry: int) -> property:

@@ -81,12 +81,12 @@ def run(args: argparse.Namespace) -> int:
     return 0 if verdict.conforms else 1
 
 
-def show_progress(done: int, total: int, unit: str, more: str) -> None:
+def show_progress(done: str, begun: str) -> None:
     """Say how far the check is; not on a terminal, what begins."""
     if sys.stderr.isatty():
-        show_line(f"{unit} {done:,} of {total:,}{more}")
-    elif not done:
-        note(f"{total:,} {unit}{'s' * (total != 1)}{more}")
+        show_line(done)
+    elif begun:
+        note(begun)
 
 
 def parameters_of(text: str | None) -> dict[str, Any] | None:

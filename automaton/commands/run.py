@@ -267,7 +267,7 @@ def as_json(resolved: Resolved, outcome: Outcome) -> dict[str, Any]:
         "deadlock": None if outcome.deadlock is None else outcome.deadlock._asdict(),
         "illegal_decisions": outcome.illegal.as_json(),
         "robot_time": dict(outcome.uses),
-        "bottleneck": bottleneck_sentences(resolved, outcome.periods, outcome.stations),
+        "bottleneck": bottleneck_sentences(resolved, outcome.periods),
         **({"periods": [one.as_json() for one in outcome.periods]} if outcome.by_period else {}),
         **({"metrics_in_units": told} if told else {}),
     }

@@ -57,7 +57,8 @@ CHILD_PROGRAM: Final = (
 
 
 Task: TypeAlias = dict[str, Any]
-Progress: TypeAlias = Callable[[int, int, str, str], None]  # done, of how many, of what, and more
+# Called with what is done, such as "case 37 of 200", and at the beginning with the whole: "200 cases".
+Progress: TypeAlias = Callable[[str, str], None]
 
 
 class CheckRequest(NamedTuple):
@@ -321,11 +322,11 @@ class StrategyCheck:
     def counted(self, total: int, unit: str, more: str = "") -> Callable[[Task], None]:
         """Begin to show how many tasks of a kind are done; what to call after each."""
         done = iter(range(1, total + 1))
-        self.progress(0, total, unit, more)
+        self.progress(f"{unit} 0 of {total:,}{more}", f"{count(total, unit)}{more}")
 
         def count_one(task: Task) -> None:
             if task["check"] != "trace":  # the second run of a case
-                self.progress(next(done, total), total, unit, more)
+                self.progress(f"{unit} {next(done, total):,} of {total:,}{more}", "")
 
         return count_one
 

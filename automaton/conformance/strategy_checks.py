@@ -259,7 +259,7 @@ def trace(
     return out
 
 
-def halted_trace(subject: Subject, run: Any) -> tuple[list[list[int]], list[RunState]]:
+def trace_and_halfway(subject: Subject, run: Any) -> tuple[list[list[int]], list[RunState]]:
     """The trace of a run, and its state at tick 150, unless it ended before."""
     halfway: list[RunState] = []
 
@@ -295,7 +295,7 @@ def check_case(subject: Subject, number: int, only: str | None, reply: Reply) ->
             reply["tried"].append(check)
 
     run = subject.run(resolved)
-    base, halfway = halted_trace(subject, run)
+    base, halfway = trace_and_halfway(subject, run)
     enter("legality", legality(subject, run, resolved))
     again = subject.run(resolved, Probe)
     repeated = trace(subject, again)
@@ -558,8 +558,7 @@ def do(subject: Subject, task: dict[str, Any], reply: Reply) -> None:
     elif check == "time":
         timing(subject, number, reply)
     else:
-        for failure in SOME_CASES[check](subject, number):
-            reply["found"].append(failure)
+        reply["found"].extend(SOME_CASES[check](subject, number))
     reply["tried"].append(check)
 
 

@@ -171,8 +171,11 @@ class WatchedRun:
         return metrics_of(self.shown)
 
     def periods(self) -> list[Period]:
-        """The periods that have ended by the shown tick."""
-        return [one for one in self.marks.ended(self.leading_simulation) if one.end <= self._at]
+        """The periods that have ended by the shown tick; the last one of a run may be shorter."""
+        front = self.leading_simulation
+        if self._at == self.end == front.tick:
+            return self.marks.periods(front)
+        return [one for one in self.marks.ended(front) if one.end <= self._at]
 
     def resolved_at(self, tick: int) -> Resolved:
         """The scenario with its strategies that applies in the tick after `tick`."""

@@ -6,7 +6,7 @@ robot that waits for a charger is not idle either.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any, Final, NamedTuple
 
 from automaton.runs.metric_catalogue import units_of
@@ -88,17 +88,13 @@ def longest_stretch(periods: Sequence[Period], is_in: Sequence[bool]) -> tuple[i
     return best
 
 
-def bottleneck_sentences(
-    resolved: Resolved, periods: Sequence[Period], stations: Sequence[Mapping[str, Any]]
-) -> list[str]:
-    """The paragraph about the bottleneck: what was saturated, when, and what the others did.
-
-    `stations`: the rows of metrics_by_station.
-    """
+def bottleneck_sentences(resolved: Resolved, periods: Sequence[Period]) -> list[str]:
+    """The paragraph about the bottleneck: what was saturated, when, and what the others did."""
     robots = resolved.scenario.fleet.robots
     if not periods:
         return []
-    names = station_names(periods, stations)
+    known, number_of = resolved.station_names, len(periods[0].stations)
+    names = known if len(known) == number_of else [str(k + 1) for k in range(number_of)]
     bottlenecks = bottlenecks_of(periods, robots, names)
     if not bottlenecks or bottlenecks[0].share < MENTIONED:
         for_long = " for long" if bottlenecks else ""
@@ -134,13 +130,6 @@ def subject(resource: str) -> str:
 def stretch_text(resolved: Resolved, stretch: Period) -> str:
     """When a stretch was: "from 13:00 to 14:00"."""
     return f"from {moment(resolved, stretch.begin)} to {moment(resolved, stretch.end)}"
-
-
-def station_names(periods: Sequence[Period], stations: Sequence[Mapping[str, Any]]) -> list[str]:
-    """The stations of a period, by name or number."""
-    known = [str(row["station"]) for row in stations]
-    number_of = len(periods[0].stations)
-    return known if len(known) == number_of else [str(k + 1) for k in range(number_of)]
 
 
 def joined(periods: Sequence[Period]) -> Period:

@@ -16,7 +16,6 @@ if TYPE_CHECKING:
 
 PER_1000_TICKS: Final = "orders/1000 ticks"  # of every throughput, here and in targets
 
-# Name, unit and meaning of every metric of a run, in the order in which they are shown.
 # Metrics that orders still open at the end do not raise: a strategy that leaves them open looks good.
 OF_DELIVERED_ORDERS: Final = (
     *("lead_time", "lead_time_p95", "lead_time_p99", "delay", "delay_p95"),
@@ -24,6 +23,7 @@ OF_DELIVERED_ORDERS: Final = (
 )
 UNEQUAL_SHARE: Final = 0.01  # difference of two shares of delivered orders that is worth a caveat
 
+# Name, unit and meaning of every metric of a run, in the order in which they are shown.
 METRIC_CATALOGUE: dict[str, tuple[str, str]] = {
     "makespan": (
         "ticks",

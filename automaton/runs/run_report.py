@@ -77,9 +77,7 @@ def run_document(resolved: Resolved, outcome: Outcome) -> ReportDocument:
     document = ReportDocument(f"{resolved.scenario.name}, seed {resolved.scenario.seed}")
     document.add(Listed(heading(resolved, outcome, tick), mark=""))
     document.add(headline_table(resolved, outcome, tick))
-    document.add(
-        *[Text(text) for text in bottleneck_sentences(resolved, outcome.periods, outcome.stations)]
-    )
+    document.add(*[Text(text) for text in bottleneck_sentences(resolved, outcome.periods)])
     if outcome.by_period:
         document.add(periods_table(resolved, outcome.periods, outcome.metrics))
     document.add(ShareBars(TIME_TITLE, [("", time_shares(outcome.uses))]))

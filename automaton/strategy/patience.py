@@ -34,7 +34,7 @@ class Watchdog:
         self._raised = False
         text = f"no answer within {seconds:g} s (--strategy-timeout)"
         self._error = type("NoAnswer", (NoAnswer,), {"__str__": lambda _: text})
-        self._looker: threading.Thread | None = None
+        self._thread: threading.Thread | None = None
 
     @contextmanager
     def watching(self) -> Iterator[None]:
@@ -60,9 +60,9 @@ class Watchdog:
 
     @contextmanager
     def _watched(self) -> Iterator[None]:
-        if self._looker is None:
-            self._looker = threading.Thread(target=_look_on, args=(ref(self),), daemon=True)
-            self._looker.start()
+        if self._thread is None:
+            self._thread = threading.Thread(target=_look_on, args=(ref(self),), daemon=True)
+            self._thread.start()
         self._until = time.monotonic() + self.seconds
         self._raised = False
         self._deciding = threading.get_ident()

@@ -80,7 +80,7 @@ def test_the_bottleneck_is_what_is_saturated_for_longest() -> None:
     first, second = bottlenecks_of(periods, 3, NAMES)
     assert (first.resource, first.share, first.first, first.last) == ("chargers", 0.5, 1, 2)
     assert (second.resource, second.first) == ("robots", 0)
-    [text] = bottleneck_sentences(resolve("tabletop-mini", ["fleet.robots=3"]), periods, ())
+    [text] = bottleneck_sentences(resolve("tabletop-mini", ["fleet.robots=3"]), periods)
     assert text.startswith(
         "Chargers were the bottleneck, saturated for 50 % of the run; the longest"
     )

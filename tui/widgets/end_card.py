@@ -44,7 +44,7 @@ def end_lines(view: View, width: int, complete: bool, branches: bool) -> list[tu
     done = f"{now.delivered:,} of {count(now.orders, 'order')} delivered"
     share = f"{percent(measured.metrics['utilization'])} of robot time spent on orders"
     paragraphs.append((f"{done}; {share}.", styles.COLOUR_DONE))
-    sentences = bottleneck_sentences(resolved, measured.periods, ())
+    sentences = bottleneck_sentences(resolved, measured.periods)
     paragraphs += [(sentence, styles.COLOUR_TEXT) for sentence in sentences[:1]]
     paragraphs.append((BRANCHES + DOES if branches else DOES, styles.COLOUR_DIM))
     return [

@@ -46,6 +46,7 @@ from automaton.studies.reports.metric_tables import (
 from automaton.studies.reports.site_pages import (
     MAX_TIME_POINTS,
     deadlock_remarks,
+    delivery_remarks,
     floor_maps,
     hours_section,
     inputs_section,
@@ -53,14 +54,7 @@ from automaton.studies.reports.site_pages import (
     site_picture,
     time_section,
 )
-from automaton.studies.reports.study_results import (
-    LENGTHS,
-    OF_DELIVERED_ORDERS,
-    UNEQUAL_SHARE,
-    Results,
-    read_results,
-    units_of_points,
-)
+from automaton.studies.reports.study_results import LENGTHS, Results, read_results, units_of_points
 from automaton.studies.reports.what_if import (
     changes_section,
     what_if_page,
@@ -311,36 +305,6 @@ def remarks(results: Results) -> Iterator[str]:
     yield from delivery_remarks(results)
     yield from stopping_remarks(results)
     yield from same_remarks(results)
-
-
-def delivery_remarks(results: Results) -> Iterator[str]:
-    """The caveat that points deliver different shares of their orders, if a metric is of those only."""
-    shares = unequal_shares(results)
-    metrics = ", ".join(name for name in results.reported if name in OF_DELIVERED_ORDERS)
-    if shares and metrics:
-        worst, best = (
-            f"{100 * shares[number]:.0f} % with {point_name(results.study, results.points[number])}"
-            for number in sorted(shares, key=shares.__getitem__)[:: len(shares) - 1]
-        )
-        yield (
-            f"points deliver different shares of their orders, {worst} and {best}: {metrics} count "
-            "delivered orders only, so a point that leaves orders open looks better; compare delivered "
-            "and oldest_order as well"
-        )
-
-
-def unequal_shares(results: Results) -> dict[int, float]:
-    """The share of orders that each point delivered; empty if all are about equal.
-
-    Not of a steady state, where the orders of the warm-up do not count.
-    """
-    shares = {}
-    for point in results.points if results.cut is None else ():
-        orders = sum(results.values(point, "orders").values())
-        if orders:
-            shares[point.number] = sum(results.values(point, "delivered").values()) / orders
-    is_unequal = shares and max(shares.values()) - min(shares.values()) >= UNEQUAL_SHARE
-    return shares if is_unequal else {}
 
 
 def started_cold(results: Results, scenarios: Scenarios) -> Iterator[str]:

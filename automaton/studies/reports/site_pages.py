@@ -32,7 +32,9 @@ from automaton.floor.floor_plan import CELL_KINDS, DRIVABLE
 from automaton.runs.bottleneck import flow_name, joined, rate_unit
 from automaton.runs.headless import attribute_strategy_errors
 from automaton.runs.metric_catalogue import (
+    OF_DELIVERED_ORDERS,
     TIME_TITLE,
+    UNEQUAL_SHARE,
     mean_time_shares,
     time_shares,
     units_of,
@@ -374,6 +376,36 @@ def deadlock_remarks(results: Results, scenarios: Scenarios) -> Iterator[str]:
             f"{longest_text(results, scenarios, by_point)} "
             f"{included_text([run for _, own in by_point for run in own])}"
         )
+
+
+def delivery_remarks(results: Results) -> Iterator[str]:
+    """The caveat that points deliver different shares of their orders, if a metric is of those only."""
+    shares = unequal_shares(results)
+    metrics = ", ".join(name for name in results.reported if name in OF_DELIVERED_ORDERS)
+    if shares and metrics:
+        worst, best = (
+            f"{100 * shares[number]:.0f} % with {point_name(results.study, results.points[number])}"
+            for number in sorted(shares, key=shares.__getitem__)[:: len(shares) - 1]
+        )
+        yield (
+            f"points deliver different shares of their orders, {worst} and {best}: {metrics} count "
+            "delivered orders only, so a point that leaves orders open looks better; compare delivered "
+            "and oldest_order as well"
+        )
+
+
+def unequal_shares(results: Results) -> dict[int, float]:
+    """The share of orders that each point delivered; empty if all are about equal.
+
+    Not of a steady state, where the orders of the warm-up do not count.
+    """
+    shares = {}
+    for point in results.points if results.cut is None else ():
+        orders = sum(results.values(point, "orders").values())
+        if orders:
+            shares[point.number] = sum(results.values(point, "delivered").values()) / orders
+    is_unequal = shares and max(shares.values()) - min(shares.values()) >= UNEQUAL_SHARE
+    return shares if is_unequal else {}
 
 
 def jam_remarks(results: Results) -> Iterator[str]:

@@ -27,8 +27,6 @@ import numpy as np
 import numpy.typing as npt
 
 from automaton.runs.metric_catalogue import METRIC_CATALOGUE, PER_1000_TICKS, units_of
-from automaton.runs.metric_catalogue import OF_DELIVERED_ORDERS as OF_DELIVERED_ORDERS
-from automaton.runs.metric_catalogue import UNEQUAL_SHARE as UNEQUAL_SHARE
 from automaton.runs.metric_sums import QUOTIENTS, metric
 from automaton.scenario.unavailable_metrics import OF_DUE_TIMES, OF_TIMES
 from automaton.studies.inference.intervals import Interval
@@ -616,8 +614,9 @@ def columns_of(table: pa.Table) -> dict[str, Sequence[Any]]:
 
     Uses of time and periods remain Arrow columns.
     """
-    lists_of_rows = (SERIES_COLUMN, SUMS_COLUMN, USES_COLUMN, PERIODS_COLUMN)
-    names = [name for name in table.column_names if name not in lists_of_rows]
+    from automaton.studies.sweeps.result_store import LISTS_OF_ROWS
+
+    names = [name for name in table.column_names if name not in LISTS_OF_ROWS]
     columns: dict[str, Sequence[Any]] = {name: table.column(name).to_pylist() for name in names}
     for name in (USES_COLUMN, PERIODS_COLUMN):  # many numbers, of which few are read
         if name in table.column_names:

@@ -96,8 +96,8 @@ def make_sweep_plan(study: str | Path | Study | Document) -> SweepPlan:
     if portable != text:
         renamed = checked_study(document_of(portable, Path(STUDY_FILE)))
         declared = msgspec.structs.replace(renamed, window=declared.window)
-    those = versions() | plugin_versions(scenarios)
-    manifest, plugins = manifest_of(declared, portable, scenarios, windows, those, names)
+    packages = versions() | plugin_versions(scenarios)
+    manifest, plugins = manifest_of(declared, portable, scenarios, windows, packages, names)
     return SweepPlan(declared, declared.points, scenarios, plugins, manifest, copies)
 
 

@@ -29,12 +29,15 @@ def test_two_runs_survive_every_size(tmp_path: Path) -> None:
     asyncio.run(story())
 
 
-def test_what_is_found_in_the_larger_fleet_is_not_looked_for_in_the_smaller(tmp_path: Path) -> None:
-    small = record(tmp_path / "small.rec", "fleet.robots=1")
-    opening = recorded(record(tmp_path / "large.rec"), small)
+def large_and_small(folder: Path) -> Opening:
+    """Two recordings, of three robots and of one."""
+    small = record(folder / "small.rec", "fleet.robots=1")
+    return recorded(record(folder / "large.rec"), small)
 
+
+def test_what_is_found_in_the_larger_fleet_is_not_looked_for_in_the_smaller(tmp_path: Path) -> None:
     async def story() -> None:
-        async with viewing(opening) as user:
+        async with viewing(large_and_small(tmp_path)) as user:
             await user.at(100)
             await user.press("slash")
             for key in ("x", "space", "greater_than_sign", "space", "minus", "5", "enter"):
@@ -171,11 +174,8 @@ def test_a_recording_that_cannot_be_compared_says_so(tmp_path: Path) -> None:
 
 
 def test_in_fleets_of_different_size_the_other_robots_are_marked_and_ghosts(tmp_path: Path) -> None:
-    small = record(tmp_path / "small.rec", "fleet.robots=1")
-    opening = recorded(record(tmp_path / "large.rec"), small)
-
     async def story() -> None:
-        async with viewing(opening) as user:
+        async with viewing(large_and_small(tmp_path)) as user:
             await user.at(100)
             playback = user.session.playback
             there = playback.snapshots[0].robots.cell
@@ -186,11 +186,8 @@ def test_in_fleets_of_different_size_the_other_robots_are_marked_and_ghosts(tmp_
 
 
 def test_the_robot_under_the_cursor_may_be_missing_in_the_other_run(tmp_path: Path) -> None:
-    small = record(tmp_path / "small.rec", "fleet.robots=1")
-    opening = recorded(record(tmp_path / "large.rec"), small)
-
     async def story() -> None:
-        async with viewing(opening, size=(120, 36)) as user:
+        async with viewing(large_and_small(tmp_path), size=(120, 36)) as user:
             await user.at(100)
             await user.press("t", "end", "o")
             await user.shown()

@@ -6,6 +6,9 @@ import numpy as np
 from panel_harness import moment
 from render_scenes import text
 
+from automaton.runs.bottleneck import bottleneck_sentences
+from automaton.runs.headless import run_once
+from automaton.world.resolve import resolve
 from tui.render import styles
 from tui.render.styles import GLYPH_BITS, code, style
 from tui.widgets.end_card import draw_end_card
@@ -36,6 +39,16 @@ def test_it_says_what_was_achieved_and_where_the_time_went() -> None:
     ]
     assert lines[2].startswith("Robots were the bottleneck") and "Esc closes" in lines[-1]
     assert styles.COLOUR_FAULT not in colours
+
+
+def test_it_names_the_bottleneck_that_the_report_names() -> None:
+    """The last period of a run is shorter than the others, and counts in both."""
+    resolved = resolve("tabletop-1")
+    outcome = run_once(resolved)
+    reported = " ".join(bottleneck_sentences(resolved, outcome.periods))
+    lines, _ = card(outcome.ticks, size=(40, 80))
+    named = " ".join(lines[2:-1])
+    assert outcome.ticks == 1959 and len(named) > 100 and named.rstrip(".") == reported.rstrip(".")
 
 
 def test_a_deadlock_at_the_end_is_named_in_red() -> None:

@@ -75,7 +75,7 @@ Looks = NDArray[np.uint8]
 DETAIL_SHIFT: Final = 4
 KIND_MASK: Final = (1 << DETAIL_SHIFT) - 1
 LOOK_COUNT: Final = 16 << DETAIL_SHIFT
-DETAIL_OUTSIDE: Final = 1  # detail of a wall with only walls around it
+DETAIL_INSIDE: Final = 1  # detail of a wall with only walls around it
 DETAIL_ONE_WAY: Final = 1  # 1 to 4: details of floor, 1 + direction
 KIND_COLOURS: Final = {
     kind.code: {"floor": "mark", "storage": "mark"}.get(kind.name, kind.name) for kind in CELL_KINDS
@@ -136,15 +136,13 @@ def looks_of(floor_plan: FloorPlan) -> Looks:
     onwards = exits & ~_exits_into(kind == STORAGE)
     for direction in range(4):
         detail[(kind == FLOOR) & _one_way(onwards, direction)] = DETAIL_ONE_WAY + direction
-    detail[(kind == WALL) & ~_beside_something(kind)] = DETAIL_OUTSIDE
+    detail[(kind == WALL) & ~beside(kind != WALL)] = DETAIL_INSIDE
     return np.asarray(kind | detail << DETAIL_SHIFT, np.uint8)
 
 
 def colour_of(look: int) -> str:
     """The name of a look's colour."""
     kind, detail = look & KIND_MASK, look >> DETAIL_SHIFT
-    if kind == WALL and detail == DETAIL_OUTSIDE:
-        return "void"
     return "direction" if kind == FLOOR and detail else KIND_COLOURS[kind]
 
 
@@ -177,10 +175,11 @@ def _one_way(exits: NDArray[np.uint8], direction: int) -> NDArray[np.bool_]:
     return one_way
 
 
-def _beside_something(kind: NDArray[np.uint8]) -> NDArray[np.bool_]:
-    some = np.pad(kind != WALL, 1)
-    height, width = kind.shape
-    near = np.zeros(kind.shape, bool)
+def beside(cells: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """The cells that are one of these or touch one, also at a corner."""
+    some = np.pad(cells, 1)
+    height, width = cells.shape
+    near = np.zeros(cells.shape, bool)
     for dy in range(3):
         for dx in range(3):
             near |= some[dy : dy + height, dx : dx + width]

@@ -9,6 +9,7 @@ from functools import cache
 from typing import Final, NamedTuple
 
 from automaton.drawings.looks import (
+    DETAIL_INSIDE,
     DETAIL_SHIFT,
     DRAW_FAULT,
     DRAW_WAITING,
@@ -96,7 +97,7 @@ def cell_shapes(look: int) -> tuple[Shape, ...]:
     """The shapes of a cell, painted over the floor or over the void."""
     kind, detail, colour = look & KIND_MASK, look >> DETAIL_SHIFT, colour_of(look)
     if kind == WALL:
-        return (Box(0, 0, 1, 1, colour),)
+        return (Box(0, 0, 1, 1, colour, opacity=0.3 if detail == DETAIL_INSIDE else 1),)
     ground = Box(0, 0, 1, 1, "floor")
     if kind == FLOOR:
         mark = _chevron(detail - 1, colour) if detail else Box(0.46, 0.46, 0.08, 0.08, colour)

@@ -78,7 +78,9 @@ class Explanation(NamedTuple):
         if self.cycle == NIL:
             return ""
         members = [f"robot {link.robot}" for link in self.chain[self.cycle :]]
-        text = f"a wait cycle: {' -> '.join([*members, members[0]])}; none of them can go first"
+        text = (
+            f"a wait cycle: {' -> '.join([*members, members[0]])}; none moves until one makes way"
+        )
         if not self.down:
             return text
         names = " and ".join(f"robot {robot}" for robot in self.down)

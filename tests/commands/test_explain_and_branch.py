@@ -123,7 +123,7 @@ def test_a_circle_is_named() -> None:
     blocks = chain_blocks("title", explain(floor.snapshot(), floor.floor_plan, 2))
     assert isinstance(blocks[-1], Listed)
     last = blocks[-1].items[-1]
-    assert last == "a wait cycle: robot 0 -> robot 1 -> robot 0; none of them can go first"
+    assert last == "a wait cycle: robot 0 -> robot 1 -> robot 0; none moves until one makes way"
 
 
 @pytest.mark.parametrize(

@@ -59,7 +59,8 @@ def test_a_circle_is_told_from_where_it_begins() -> None:
     found = explain(floor.snapshot(), floor.floor_plan, 2)
     assert [link.robot for link in found.chain] == [2, 0, 1] and found.cycle == 1
     assert (
-        found.lines[-1] == "a wait cycle: robot 0 -> robot 1 -> robot 0; none of them can go first"
+        found.lines[-1]
+        == "a wait cycle: robot 0 -> robot 1 -> robot 0; none moves until one makes way"
     )
     assert explain(floor.snapshot(), floor.floor_plan, 0).cycle == 0
 
@@ -125,7 +126,7 @@ def test_a_wait_cycle_is_named_before_the_breakdown_that_keeps_it_closed() -> No
     assert ([link.robot for link in found.chain], found.cycle, found.down) == ([2, 0, 1], 1, (1,))
     lines = found.lines
     assert lines[0] == (
-        "a wait cycle: robot 0 -> robot 1 -> robot 0; none of them can go first; robot 1 went down "
+        "a wait cycle: robot 0 -> robot 1 -> robot 0; none moves until one makes way; robot 1 went down "
         "later, which keeps the cycle closed"
     )
     down = f"robot 1 has been down for {floor.run.tick - 5} ticks: "  # it waited before that

@@ -91,7 +91,7 @@ def test_a_deadlock_names_its_robots() -> None:
     lines = [line for line in described(scene, "deadlocks") if "deadlock of" in line]
     who = "robot 1 -> robot 2 -> robot 1"
     assert lines == [
-        f"tick 221, robot 1: deadlock of 2 robots, a wait cycle: {who}; none of them can go first"
+        f"tick 221, robot 1: deadlock of 2 robots, a wait cycle: {who}; none moves until one makes way"
     ]
 
 

@@ -32,8 +32,9 @@ class Visits(Layer):
 class Waiting(Layer):
     """Where time was lost."""
 
-    key, label, position = "f4", "Waiting", 20
-    meaning = "waiting: where time is lost"
+    key, label, position = "f4", "Time lost", 20
+    meaning = "time lost: where robots lost it"
+    words = "time lost"
     unit, counted = "ticks lost", "ticks lost here"
     empty = "no ticks lost so far"
     ranked = True
@@ -46,8 +47,9 @@ class Waiting(Layer):
 class Congestion(Layer):
     """Where time was lost recently."""
 
-    key, label, position = "f5", "Congestion", 30
+    key, label, position = "f5", "Time lost recently", 30
     meaning = "congestion: where time was lost recently"
+    words = "time lost recently"
     unit, counted = "ticks lost recently", "ticks lost here recently"
     empty = "no ticks lost recently"
     ranked = True

@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 
 from automaton.drawings.looks import (
     DETAIL_ONE_WAY,
-    DETAIL_OUTSIDE,
     DETAIL_SHIFT,
     KIND_MASK,
     LOOK_COUNT,
@@ -110,8 +109,6 @@ def colour_of(number: int) -> int:
         return styles.COLOUR_LOAD
     if kind == STORAGE and detail == DETAIL_POD:
         return styles.COLOUR_LOAD
-    if kind == WALL and detail == DETAIL_OUTSIDE:
-        return styles.COLOUR_FLOOR
     if kind == FLOOR and detail:
         return styles.COLOUR_FLOW
     return CELL_COLOURS[kind]
@@ -143,7 +140,7 @@ def _characters(glyphs: GlyphSet, kind: int, detail: int) -> tuple[int, int]:
     """The first character of a cell, and the filling of the others."""
     blank, line = glyphs.blank, glyphs.track[0]
     if kind == WALL:
-        return (blank, blank) if detail == DETAIL_OUTSIDE else (glyphs.wall, glyphs.wall)
+        return glyphs.wall, glyphs.wall
     if kind == FLOOR:
         marks = {DETAIL_PASSING: glyphs.passing, DETAIL_UNLIMITED: glyphs.unlimited}
         marks |= {DETAIL_ONE_WAY + d: glyphs.one_way[d] for d in range(4)}

@@ -11,8 +11,8 @@ layer on moves nothing. On a layer robots are dots, with the layer's colour betw
 Braille: k x k cells per dot and 2 x 4 dots per character, which has one colour. A character with
 robots shows only these, in the colour of the worst: few robots fill whole or half characters, many
 are dots. Other characters show the structure of the floor in faint colours: a dot is set if at least
-half of its cells are shelves or walls, and stations stand out from their surroundings. At "quadrants"
-the dots of robots are quarters of a character.
+half of its cells are shelves or walls (all of them at the edge of a block), and stations stand out
+from their surroundings. At "quadrants" the dots of robots are quarters of a character.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from automaton.drawings.looks import DETAIL_OUTSIDE, KIND_MASK, LOOK_COUNT
+from automaton.drawings.looks import DETAIL_INSIDE, KIND_MASK, LOOK_COUNT, beside
 from automaton.engine.state import NIL
 from automaton.floor.floor_plan import BAY, CHARGER, DESTINATION, DOCK, STATION, WALL
 from tui.render import drawn_robots as fleet
@@ -171,12 +171,10 @@ def far_picture(scene: Scene, camera: Camera, glyphs: GlyphSet) -> Codes:
 @lru_cache(maxsize=16)
 def floor_in_dots(floor: ShownFloor, shown: CellRectangle, zoom: Zoom, glyphs: GlyphSet) -> Codes:
     """The whole floor without robots."""
-    looks = floor.looks[shown.top : shown.bottom, shown.left : shown.right]
     kind = floor.floor_plan.kind[shown.top : shown.bottom, shown.left : shown.right]
     shelves = np.isin(kind, STORING_KINDS)
-    walls = (kind == WALL) & (looks != look(WALL, DETAIL_OUTSIDE))
-    area = dot_blocks(np.ones(kind.shape, np.uint8), zoom)
-    pattern = _patterns(2 * dot_blocks(shelves | walls, zoom) >= area, zoom)
+    walls = kind == WALL
+    pattern = _patterns(standing_dots(floor, shown, zoom, CHARACTER_DOTS[zoom.kind]), zoom)
     across, down = zoom.across, zoom.down
     more_walls = blocks(walls, across, down) > blocks(shelves, across, down)
     fg = np.where(more_walls, styles.COLOUR_WALL, FAR_SHELF)
@@ -186,6 +184,24 @@ def floor_in_dots(floor: ShownFloor, shown: CellRectangle, zoom: Zoom, glyphs: G
         pattern = np.where(dots, dots, pattern)
     codes: Codes = code(style(fg, styles.COLOUR_FLOOR), np.array(glyphs.braille)[pattern])
     return np.asarray(codes, np.uint32)
+
+
+def standing_dots(
+    floor: ShownFloor, shown: CellRectangle, zoom: Zoom, dots: tuple[int, int]
+) -> NDArray[np.bool_]:
+    """The dots that show shelves and walls, `dots` rows and columns of them in a character.
+
+    Half of a dot's cells suffice; of walls around blocks, all, so that narrow aisles remain visible.
+    """
+    inside = floor.looks == look(WALL, DETAIL_INSIDE)
+    kind, blocks = (
+        cells[shown.top : shown.bottom, shown.left : shown.right]
+        for cells in (floor.floor_plan.kind, beside(inside))
+    )
+    standing = np.isin(kind, (*STORING_KINDS, WALL))
+    area = dot_blocks(np.ones(kind.shape, np.uint8), zoom, dots)
+    half = 2 * dot_blocks(standing & ~blocks, zoom, dots) >= area
+    return np.asarray(half | (dot_blocks(standing, zoom, dots) == area))
 
 
 def bits_of(zoom: Zoom) -> NDArray[np.uint8]:
@@ -506,11 +522,8 @@ def floor_in_pixels(floor: ShownFloor, shown: CellRectangle, zoom: Zoom | None) 
         pixels = foregrounds[floor.looks[rows, columns]]
     else:
         dots = CHARACTER_DOTS["pixels"]
-        area = dot_blocks(np.ones(kind.shape, np.uint8), zoom, dots)
-        pixels = np.full(area.shape, styles.COLOUR_FLOOR, np.uint8)
-        inner = floor.looks[rows, columns] == look(WALL)
-        solid = np.isin(kind, STORING_KINDS) | inner
-        pixels[2 * dot_blocks(solid, zoom, dots) >= area] = FAR_SHELF
+        standing = standing_dots(floor, shown, zoom, dots)
+        pixels = np.where(standing, np.uint8(FAR_SHELF), np.uint8(styles.COLOUR_FLOOR))
         for station in STATION_KINDS:
             pixels[dot_blocks(kind == station, zoom, dots) > 0] = CELL_COLOURS[station]
     return np.pad(pixels, ((0, len(pixels) % 2), (0, 0)), constant_values=styles.COLOUR_FLOOR)

@@ -55,7 +55,7 @@ class StopList(Rows):
 
     def row(self, index: int) -> Line:
         if not self.stops:
-            return line(dim("no breakpoints yet"))
+            return line(dim("no stops yet"))
         stop = self.stops[index]
         sign = self.signs.on if stop.on else self.signs.off
         room = " " * max(1, self.width - len(stop.text) - 2 - len("delete"))
@@ -87,7 +87,7 @@ class StopList(Rows):
 class BreakpointsScreen(Dialog[tuple[StopCondition, ...]]):
     """The result is the edited list, even after escape."""
 
-    HEADING = "Breakpoints: the run stops where one begins to hold"
+    HEADING = "Stops: the run stops where a condition begins to hold"
     ACCEPT = "Done"
     CANCEL = ""
 

@@ -205,9 +205,8 @@ class FindActions:
         self._panels.leave_full()
         self._show_found(found.first)
 
-    def _step_through_events(self) -> bool:
+    def _step_through_events(self) -> None:
         self._stepping = "events"
-        return True
 
     def _step_through(self, direction: int) -> None:
         """Go to the next match, or to the next event if the events were used last."""

@@ -36,10 +36,10 @@ from tui.terminal.map_view import MapView, Presenter
 from tui.terminal.options import Options
 from tui.widgets.legend_panel import floor_legend
 from tui.widgets.status import (
-    WORDS_FROM,
     Word,
     WordLine,
     choice_words,
+    columns_of,
     describe,
     end_words,
     fleet_words,
@@ -479,11 +479,11 @@ class Display:
             return changed
         tick = unit(session.opening.resolved[0].scenario.units.tick)
         words = time_words(playback, choice.side, session.speed, tick, session.glyphs)
-        with_words = self.status.size.width >= WORDS_FROM
-        figures = playback.figures[choice.side]
-        words += fleet_words(session.scene(), figures, session.glyphs, with_words)
-        words += choice_words(choice.robot, choice.following, choice.laid)
-        changed |= self.status.set_words(words, [self.mode(playback)])
+        chosen = choice_words(choice.robot, choice.following, choice.laid)
+        mode, figures = self.mode(playback), playback.figures[choice.side]
+        room = self.status.size.width - columns_of([*words, *chosen, mode, word("")])
+        words += fleet_words(session.scene(), figures, session.glyphs, room) + chosen
+        changed |= self.status.set_words(words, [mode])
         changed |= self.timeline.set_content(self._past(playback))
         changed |= self.show_titles()
         return changed
@@ -494,7 +494,7 @@ class Display:
         changed: bool = self.title_line.set_words([word("automaton"), word(session.titles[0])])
         for side, (own, common) in enumerate(session.opening.heads):
             head, end = self.heads[side], end_words(session.playback, side)
-            room = head.size.width - sum(len(one.glyphs) + WordLine.GAP for one in end)
+            room = head.size.width - columns_of([*end, word("")])
             changed |= head.set_words(head_words(f"{'AB'[side]} {own}", common, room), end)
         return changed
 
@@ -503,7 +503,7 @@ class Display:
         session = self._session
         side = session.choice.side
         if session.live:
-            return mode_word(playback, side, "live REC" if session.recordings else "live")
+            return mode_word(playback, side, "live, recorded" if session.recordings else "live")
         name = "compare" if session.opening.comparing else "replay"
         return mode_word(playback, side, name, recorded=True, whole=session.is_whole(side))
 

@@ -242,8 +242,9 @@ class PanelActions:
         self._app, self._session, self._display = app, session, display
         self.shown = "side"  # off, side or full; on a narrow screen "side" counts as off
         self.opened = False  # unless a panel was opened, beside or below the map
-        # Called before a key opens a panel; it returns False if there is nothing to show.
-        self.before: dict[str, Callable[[], bool]] = {
+        self._picked = NIL  # the robot that the key of the waits selected last
+        # Called before a key opens a panel.
+        self.before: dict[str, Callable[[], None]] = {
             "why": self._choose_waiting,
             "inspector": self._choose_pointed,
         }
@@ -256,9 +257,16 @@ class PanelActions:
         return {**opening, "panels": self._turn, "compare_side": self._change_side}
 
     def _open_by_key(self, name: str) -> None:
-        before = self.before.get(name)
-        if before is None or (self._session.ready() and before()):
-            self.open(name)
+        before = None if self._closes(name) else self.before.get(name)
+        if before is not None and self._session.ready():
+            before()
+        self.open(name)
+
+    def _closes(self, name: str) -> bool:
+        """Whether the key of this panel closes it."""
+        column = self._display.column
+        covers = self._seen == "full" or self.opened
+        return covers and column is not None and column.name_open == name
 
     def show(self, panels: str) -> None:
         """Show panels off, side or full; a narrow screen uses the side that leaves more map."""
@@ -294,7 +302,7 @@ class PanelActions:
         column = self._display.column
         if not self._session.ready() or column is None:
             return
-        if (self._seen == "full" or self.opened) and column.name_open == name:
+        if self._closes(name):
             self.leave()
             return
         self._app.screen.remove_class("-map-alone")
@@ -350,28 +358,25 @@ class PanelActions:
         own = session.opening.heads[choice.side].own
         self._display.notices.say(f"panels show {'AB'[choice.side]} {own}", timeout=3)
 
-    def _choose_waiting(self) -> bool:
-        """Select the robot that has waited longest, if none is selected."""
-        session = self._session
-        if session.playback is None:
-            return False
-        if session.choice.robot == NIL:
-            longest = self._longest_waiting()
-            if longest == NIL:
-                session.notify("no robot waits; click one to select it")
-                return False
-            session.choose(longest)
-            session.show_robot()
-        return True
+    def _choose_waiting(self) -> None:
+        """Select the robot that waits longest, unless one is selected; in the open panel, the next one.
 
-    def _longest_waiting(self) -> int:
-        playback = self._session.playback
-        assert playback is not None
-        robots = playback.snapshots[self._session.choice.side].robots
+        A robot that this selected before and that waits no more does not count as selected.
+        """
+        session, column = self._session, self._display.column
+        if session.playback is None or column is None:
+            return
+        robots, robot = session.playback.snapshots[session.choice.side].robots, session.choice.robot
         waiting = np.flatnonzero(is_waiting(robots.cause))
-        return int(waiting[np.argmin(robots.since[waiting])]) if len(waiting) else NIL
+        longest = waiting[np.argsort(robots.since[waiting], kind="stable")].tolist()
+        is_open = self._seen != "off" and column.name_open == "why"
+        if longest and (is_open or robot == NIL or robot == self._picked not in longest):
+            follows = longest.index(robot) + 1 if robot in longest else 0
+            self._picked = longest[follows % len(longest)]
+            session.choose(self._picked)
+            session.show_robot()
 
-    def _choose_pointed(self) -> bool:
+    def _choose_pointed(self) -> None:
         """Select the cell or robot under the mouse; without any selection, a default."""
         session, choice = self._session, self._session.choice
         if session.pointing and session.hovered != NIL:
@@ -379,7 +384,6 @@ class PanelActions:
             session.choose_at(session.hovered)
         elif choice.robot == choice.cell == choice.zone == NIL:
             self._choose_middle()
-        return True
 
     def _choose_middle(self) -> None:
         """Select the cell under the mouse, or in the middle of the map."""

@@ -10,16 +10,17 @@ from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from automaton.drawings import looks
-from automaton.drawings.looks import DETAIL_OUTSIDE, DETAIL_SHIFT, KIND_MASK
+from automaton.drawings.looks import DETAIL_SHIFT, KIND_MASK
 from automaton.engine.state import BATTERY_FULL, STATUS_DEPLETED, STATUS_FAILED
-from automaton.floor.floor_plan import CELL_KINDS, FLOOR, SHELF, STORAGE, TRACK, WALL
+from automaton.floor.floor_plan import CELL_KINDS, FLOOR, SHELF, STORAGE, TRACK
 from automaton.vocabulary import COLOUR_WORDS, CONDITION_WORDS
 from tui.playback.panel_view import Picture, View
 from tui.render import drawn_robots as fleet
 from tui.render import styles
-from tui.render.camera import ZOOM_ONE_TO_ONE, Zoom, dots, drawn
+from tui.render.camera import ZOOM_ONE_TO_ONE, Zoom, dots, drawn, shown_rectangle
 from tui.render.cell_looks import (
     DRIVEN,
     FAR_LOAD,
@@ -73,7 +74,9 @@ class Legend(TextPanel):
         if picture is None:
             return []
         entries = legend(picture.scene, picture.zoom, picture.glyphs)
-        lines = [_entry(entry, picture, width) for entry in entries]
+        heat = heat_codes(picture.glyphs)[1:].tolist()
+        strip = LegendLine((tuple(heat),), "below the timeline: time lost, by rows of the floor")
+        lines = [_entry(entry, picture, width) for entry in (*entries, strip)]
         first = len(_layer(picture.scene, picture.glyphs))
         lines.insert(first, _worst(picture.scene))
         return [one for entry in lines for one in entry]
@@ -373,12 +376,12 @@ def _cells(floor: ShownFloor, zoom: Zoom, glyphs: GlyphSet) -> list[LegendLine]:
     """The looks of this floor; looks that differ only in direction share an entry."""
     codes = cell_codes(glyphs, zoom.width, zoom.text_rows)
     lines: dict[str, list[int]] = {}
-    numbers = set(np.unique(floor.looks).tolist())
+    numbers = set(np.unique(_visible(floor.looks, floor)).tolist())
     if look(SHELF) in numbers:
         numbers.add(look(SHELF, DETAIL_FULL_SHELF))
     if look(STORAGE) in numbers:
         numbers.add(look(STORAGE, DETAIL_POD))
-    for number in sorted(numbers - {look(WALL, DETAIL_OUTSIDE)}):
+    for number in sorted(numbers):
         lines.setdefault(_meaning(number), []).append(number)
     entries = []
     for meaning, alike in lines.items():
@@ -391,8 +394,14 @@ def _cells(floor: ShownFloor, zoom: Zoom, glyphs: GlyphSet) -> list[LegendLine]:
     return entries
 
 
+def _visible(cells: NDArray[Any], floor: ShownFloor) -> NDArray[Any]:
+    """The cells that a map can show: without the walls of the border."""
+    shown = shown_rectangle(floor.floor_plan)
+    return cells[shown.top : shown.bottom, shown.left : shown.right]
+
+
 def _far_cells(scene: Scene, zoom: Zoom, glyphs: GlyphSet) -> list[LegendLine]:
-    kinds = np.unique(scene.floor.floor_plan.kind).tolist()
+    kinds = np.unique(_visible(scene.floor.floor_plan.kind, scene.floor)).tolist()
     entries = []
     for kind in (kind for kind in kinds if kind not in DRIVEN):
         fg = FAR_SHELF if kind in STORING_KINDS else colour_of(look(kind))

@@ -41,7 +41,7 @@ from automaton.engine.state import (
 )
 from automaton.history.event_history import Curve
 from automaton.history.fleet_summary import FleetSummary, summarize
-from automaton.runs.bottleneck import flow_name, rate, rate_unit
+from automaton.runs.bottleneck import bottleneck_sentences, flow_name, rate, rate_unit
 from automaton.runs.metric_catalogue import METRIC_CATALOGUE, time_shares
 from automaton.runs.periods import Period
 from automaton.units import count, number, percent
@@ -101,6 +101,7 @@ class Figures(TextPanel):
         parts = (
             self._now(view, width),
             *((periods, *curves) if by_hour else (*curves, periods)),
+            bottleneck_so_far(view, width),
             self._time(view, width),
             self._lost(view, width),
             slow_zones(view),
@@ -268,12 +269,13 @@ class Figures(TextPanel):
     def _all(self, view: View, width: int) -> list[Line]:
         """Every metric with its unit."""
         metrics = view.playback.figures[view.side].metrics
-        lines = [line(title("all metrics"))]
+        lines = [line(title("all metrics"), dim(" by their names in studies"))]
         for at, (name, (unit, meaning)) in enumerate(METRIC_CATALOGUE.items()):
             if name not in metrics:
                 continue
             value = percent(float(metrics[name])) if unit == "share" else number(metrics[name])
-            unit = "" if unit == "share" else f" {unit}"
+            unit = "" if unit in ("share", "number") else f" {unit}"
+            unit = " time" if unit == " times" and metrics[name] == 1 else unit
             link = ("metric", at)
             room = width - len(name) - len(unit)
             if room > len(value):
@@ -331,6 +333,14 @@ def last_periods(view: View, width: int) -> list[Line]:
         rows = [row + f"{cell:>{wide}}" for row, cell in zip(rows, cells, strict=True)]
     unit = f" {flow_name(resolved)}/{'h' if rate_unit(resolved) == 'an hour' else '1000 ticks'}"
     return [line(title("last periods"), dim(unit)), line(dim(rows[0])), *map(line, rows[1:])]
+
+
+def bottleneck_so_far(view: View, width: int) -> list[Line]:
+    """What was saturated in the periods up to now, in the words of the report."""
+    figures = view.playback.figures[view.side]
+    said = bottleneck_sentences(view.run.resolved, figures.periods)
+    lines = [row for text in said for row in wrapped(line(text), width)]
+    return [line(title("bottleneck so far")), *lines] if lines else []
 
 
 def slow_zones(view: View) -> list[Line]:

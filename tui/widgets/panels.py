@@ -21,7 +21,7 @@ WHY: Final = Panel(
     "tui.widgets.why_panel:Why",
     key="w",
     label="Why",
-    meaning="why the robot waits",
+    meaning="why the robot waits; again: the next one",
     position=20,
     listed=10,
     shown=True,

@@ -10,6 +10,7 @@ from textual.binding import Binding, BindingType
 
 from automaton.engine.observation import (
     CAUSE_REDUCED_SPEED,
+    CAUSES,
     is_waiting,
     waited_ticks,
 )
@@ -22,7 +23,7 @@ from automaton.engine.state import (
 )
 from automaton.history.state_words import carries_pods
 from automaton.units import percent
-from automaton.vocabulary import cause_name, robot_states, robot_word
+from automaton.vocabulary import STATE_WORDS, cause_name, robot_states, robot_word
 from tui.playback.panel_view import RobotChosen, View
 from tui.widgets.panel import UNICODE_SIGNS, Line, Link, PanelWidget, Rows, Signs, Span, line
 from tui.widgets.robot_facts import has_batteries, has_types, type_of
@@ -245,7 +246,7 @@ ROBOT_TABLE_COLUMNS: Final = (
     ),
     RobotColumn(
         "doing",
-        7,
+        max(map(len, STATE_WORDS)),
         lambda v: robot_states(v.snapshot.robots),
         lambda v, r: robot_word(v.snapshot.robots, r),
         False,
@@ -254,7 +255,7 @@ ROBOT_TABLE_COLUMNS: Final = (
     RobotColumn("waits", 5, _waited, lambda v, r: _or_blank(int(_waited_of(v, r)), 0), True),
     RobotColumn(
         "cause",
-        11,
+        max(len(cause.name) for cause in CAUSES),
         lambda v: v.snapshot.robots.cause,
         lambda v, r: cause_name(v.snapshot.robots, r),
         True,

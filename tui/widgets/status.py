@@ -7,7 +7,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Container, Sequence
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
@@ -57,6 +57,7 @@ if TYPE_CHECKING:
     from tui.terminal.frame_pacing import LinkFigures as LinkFigures
 
 
+WORD_GAP: Final = 2  # columns between two words of a line
 NEARLY_DONE = 0.9  # this share of the requested speed counts as reached
 SCALE_RANK = 1  # if not all words fit, hints are omitted first, then scales, then messages
 MAX_DESCRIBED_ROBOTS = 3  # described in one line
@@ -74,7 +75,11 @@ STATE_SIGNS: Final = {  # a shape that robots have in this state
 }
 FAULT_WORDS: Final = COLOUR_WORDS[looks.STATE_COLOURS[looks.DRAW_FAULT]]
 ALWAYS_SHOWN: Final = (looks.DRAW_LOADED, looks.DRAW_EMPTY, looks.DRAW_WAITING, looks.DRAW_IDLE)
-WORDS_FROM: Final = 110  # columns from which states have words
+NAMED_STATES: Final = (  # states with words; the first of these for which there is room
+    frozenset(STATE_SIGNS),
+    frozenset({looks.DRAW_WAITING}),  # its sign is that of empty robots
+    frozenset[int](),
+)
 
 LASTING_KEYS: Final = (do("help"), do("quit"))  # never omitted; others are, the last first
 
@@ -106,24 +111,23 @@ class WordLine(MapView, can_focus=False):
     """
 
     DEFAULT_CSS = "WordLine { height: 1; width: 1fr; }"
-    GAP = 2
 
     def set_words(self, left: Sequence[Word], right: Sequence[Word] = ()) -> bool:
         """Show these words; returns whether anything changed."""
         width = self.size.width
         if not width:
             return False
-        left, right = _fitting(left, right, width, self.GAP)
+        left, right = _fitting(left, right, width)
         self._places: list[tuple[int, int, str]] = []
         codes = np.full(
             (1, width), code(style(styles.COLOUR_TEXT, styles.COLOUR_VOID), 0), np.uint32
         )
         at = 0
         for one in left:
-            at = self._put(codes, at, one) + self.GAP
-        at = width - _width(right, self.GAP)
+            at = self._put(codes, at, one) + WORD_GAP
+        at = width - columns_of(right)
         for one in right:
-            at = self._put(codes, at, one) + self.GAP
+            at = self._put(codes, at, one) + WORD_GAP
         if self.shown is not None and np.array_equal(codes, self.shown):
             return False
         self.present(codes)
@@ -146,16 +150,17 @@ class WordLine(MapView, can_focus=False):
                 await self.app.run_action(do(action))
 
 
-def _width(words: Sequence[Word], gap: int) -> int:
-    return sum(len(one.glyphs) + gap for one in words) - gap if words else 0
+def columns_of(words: Sequence[Word]) -> int:
+    """The columns that words need, with gaps between them."""
+    return sum(len(one.glyphs) + WORD_GAP for one in words) - WORD_GAP if words else 0
 
 
 def _fitting(
-    left: Sequence[Word], right: Sequence[Word], width: int, gap: int
+    left: Sequence[Word], right: Sequence[Word], width: int
 ) -> tuple[list[Word], list[Word]]:
     """The words that fit; the highest rank is omitted first."""
     kept, end = list(left), list(right)
-    while _width(kept, gap) + (_width(end, gap) + gap if end else 0) > width:
+    while columns_of(kept) + (columns_of(end) + WORD_GAP if end else 0) > width:
         least = max((*kept, *end), key=lambda one: one.rank)
         if not least.rank:
             break
@@ -236,11 +241,24 @@ def end_of(playback: PlaybackState, side: int, recorded: bool, whole: bool) -> s
     return "ended" if recorded else "limit reached"
 
 
-def fleet_words(scene: Scene, figures: RunFigures, glyphs: GlyphSet, words: bool) -> list[Word]:
-    """Numbers of robots by their drawn state, of starved robots, and of delivered orders."""
+def fleet_words(scene: Scene, figures: RunFigures, glyphs: GlyphSet, room: int) -> list[Word]:
+    """Numbers of robots by their drawn state, of starved robots, and of delivered orders.
+
+    States have words as far as all this fits into `room` columns.
+    """
+    said: list[Word] = []
+    for named in NAMED_STATES:
+        said = [*state_words(scene, glyphs, named), *_done_words(scene, figures)]
+        if columns_of(said) <= room:
+            break
+    return said
+
+
+def _done_words(scene: Scene, figures: RunFigures) -> list[Word]:
+    """Starved robots, a jam, and what is delivered."""
     assert scene.snapshot is not None
     now, starved, jam = summarize(scene.snapshot), len(figures.starved), figures.jam
-    said = state_words(scene, glyphs, words)
+    said = []
     if starved:
         said.append(word(f"{starved:,} starved", styles.COLOUR_FAULT, "robots", 1))
     if jam is not None:
@@ -253,11 +271,11 @@ def fleet_words(scene: Scene, figures: RunFigures, glyphs: GlyphSet, words: bool
     return said
 
 
-def state_words(scene: Scene, glyphs: GlyphSet, words: bool) -> list[Word]:
+def state_words(scene: Scene, glyphs: GlyphSet, named: Container[int]) -> list[Word]:
     """The number of robots in each drawn state, with its sign and colour; they add up to the fleet.
 
-    Without `words`, the sign alone shows the state. States without robots are shown if any robot of this
-    floor can often be in them, so that the line does not jump.
+    Of states that are not `named`, the sign alone is shown. States without robots are shown if any robot
+    of this floor can often be in them, so that the line does not jump.
     """
     robots = drawn.robots_of(scene)
     count = np.bincount(robots.state, minlength=len(looks.STATE_COLOURS))
@@ -268,7 +286,7 @@ def state_words(scene: Scene, glyphs: GlyphSet, words: bool) -> list[Word]:
         if count[state] or common:
             name = looks.STATE_COLOURS[state]
             name = FAULT_WORDS if state == looks.DRAW_FAULT else name
-            shown = f" {name}" if words else ""
+            shown = f" {name}" if state in named else ""
             number_of_robots = word(f"{count[state]:,}{shown}").glyphs
             colour = int(drawn.BODY_COLOURS[state]) if count[state] else styles.COLOUR_DIM
             sign = int(signs[shape, 0])

@@ -46,7 +46,7 @@ LAST_LINKS: Final = 4
 
 
 class Why(TextPanel):
-    """The waits of the selected robot, or the robots that have waited longest."""
+    """The waits of the selected robot, and the robots that have waited longest."""
 
     def panel_lines(self, view: View, width: int) -> list[Line]:
         if view.robot == NIL:
@@ -56,7 +56,9 @@ class Why(TextPanel):
         if found.cycle != NIL:
             circle = linked(found.cycle_line, view.floor_plan, "fault")
             lines += [(), *wrapped(circle, width, indent=2)]
-        return [*lines, (), *self._lost(view, width)]
+        lines += [(), *self._lost(view, width)]
+        others = np.delete(is_waiting(view.snapshot.robots.cause), view.robot).any()
+        return [*lines, (), *longest_waits(view, width)] if others else lines
 
     def _lost(self, view: View, width: int) -> list[Line]:
         """The robot's lost time by cause, the greatest first."""
@@ -64,8 +66,9 @@ class Why(TextPanel):
         lost[CAUSE_NOT_WAITING] = 0
         total, ticks = int(lost.sum()), max(1, view.snapshot.tick)
         if not total:
-            return [line(title("no time lost so far"))]
-        head = f"time lost: {percent(total / ticks, 0)} of {count(ticks, 'tick')}"
+            return [line(title(f"robot {view.robot} lost no time so far"))]
+        lost_share = percent(total / ticks, 0)
+        head = f"robot {view.robot} lost {lost_share} of {count(ticks, 'tick')}"
         causes = np.argsort(-lost, kind="stable")[: np.count_nonzero(lost)].tolist()
         shares = [(cause, int(lost[cause]) / ticks) for cause in causes]
         lines = [*wrapped(line(title(head)), width), shares_bar(shares, width)]

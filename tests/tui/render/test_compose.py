@@ -286,6 +286,24 @@ def test_from_afar_robots_are_not_drowned_by_shelves():
     assert signs(codes).tolist() == [["⠐", "⣽"]]
 
 
+BLOCKS = """
+########.########
+########.########
+########.########
+.................
+########.###.####
+########.###.####
+########.###.####
+########.###.####
+""".strip()
+
+
+def test_from_afar_blocks_of_walls_are_filled_and_narrow_aisles_between_them_stay_open():
+    """Two cells share a dot: walls beside an aisle of one cell do not fill the dots of the aisle."""
+    codes, _ = composed(make_scene(drawn(BLOCKS)), "braille 2")
+    assert ["".join(row) for row in signs(codes).tolist()] == ["⣭⣭⢨⢩⡅"]
+
+
 @pytest.mark.parametrize(
     ("robots", "sign"), [(1, " "), (4, " "), (5, "▀"), (16, "▀"), (17, "⠁")], ids=str
 )

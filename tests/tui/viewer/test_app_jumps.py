@@ -69,6 +69,36 @@ def test_what_was_found_is_seen_on_the_map() -> None:
     story(tell)
 
 
+def test_the_key_of_waits_goes_from_one_waiting_robot_to_the_next() -> None:
+    async def tell(user: Watched) -> None:
+        await user.press("w")
+        assert user.display.column.name_open == "why" and user.session.choice.robot == NIL
+        await user.at(235)
+        chosen = []
+        for _ in range(3):
+            await user.press("w")
+            chosen.append(user.session.choice.robot)
+        assert set(chosen) == {0, 1} and chosen[0] == chosen[2]
+
+    story(tell, MIDDLE)
+
+
+def test_the_key_of_waits_leaves_a_robot_that_drives_again_unless_the_user_chose_it() -> None:
+    """Where panels cover the map, the key closes the panel, too."""
+
+    async def tell(user: Watched) -> None:
+        for tick, waiting in ((235, {0, 1}), (259, {2})):
+            await user.at(tick)
+            await user.press("w")
+            assert user.session.choice.robot in waiting
+            await user.press("w")
+        user.session.choose(1)  # which does not wait
+        await user.press("w")
+        assert user.session.choice.robot == 1
+
+    story(tell)
+
+
 def test_the_next_robot_is_looked_at_without_leaving_the_inspector() -> None:
     async def tell(user: Watched) -> None:
         await user.press("i", "right_parenthesis")

@@ -22,6 +22,7 @@ from textual.pilot import Pilot
 
 from automaton.engine.observation import CAUSE_NO_ORDER, CAUSE_NOT_WAITING, CAUSES
 from automaton.history.event_history import Curve
+from automaton.runs.bottleneck import bottleneck_sentences
 from automaton.runs.metric_catalogue import METRIC_CATALOGUE, time_shares
 from automaton.units import Unit, percent
 from tui.playback.panel_view import View
@@ -29,7 +30,7 @@ from tui.render.scene import Scene, floor_of
 from tui.render.styles import ASCII
 from tui.widgets import metrics_panel
 from tui.widgets.metrics_panel import Figures
-from tui.widgets.status import Word, _fitting, fleet_words, state_words, time_words
+from tui.widgets.status import NAMED_STATES, Word, _fitting, fleet_words, state_words, time_words
 from tui.widgets.why_panel import CAUSE_LETTERS
 
 
@@ -62,7 +63,10 @@ def test_the_last_periods_that_have_ended_by_the_shown_tick() -> None:
     assert "last periods orders/h from orders open work wait charge chargers" in told
     assert 0 < done <= int((run.leading_simulation.world.orders.delivered > 0).sum())
     assert "chargers" not in shown(Figures(), view, NARROW, 80).partition("throughput, ")[0][-200:]
-    assert "last periods" not in shown(Figures(), moment(100, "depots"), WIDE, 80)
+    [bottleneck] = bottleneck_sentences(run.resolved, view.playback.figures[0].periods)
+    assert f"bottleneck so far {bottleneck}" in told
+    early = shown(Figures(), moment(100, "depots"), WIDE, 80)
+    assert "last periods" not in early and "bottleneck" not in early
 
 
 @pytest.mark.parametrize("width", [NARROW, WIDE])
@@ -83,22 +87,31 @@ def test_the_status_line_says_so_where_there_is_no_room_for_the_panel() -> None:
     view = moment(700, "tabletop-1", "fleet.robots=5", "strategy.right_of_way=wait")
     playback = replace(view.playback, playing=1, achieved=40.0, asked=40.0, ends=(None,))
     words = time_words(playback, 0, 4.0, Unit(1.0, "cycle"), ASCII)
-    words += fleet_words(scene_in(view), playback.figures[0], ASCII, words=False)
-    said_words, _ = _fitting(words[1:], [Word((), rank=5)], 78, 2)
+    words += fleet_words(scene_in(view), playback.figures[0], ASCII, room=40)
+    said_words, _ = _fitting(words[1:], [Word((), rank=5)], 78)
     told = "  ".join(one.text for one in said_words)
     assert "4 starved  jam 4" in told and "0/50 delivered" not in told and "delivered" in told
     assert {one.action for one in said_words if one.text.startswith("jam")} == {"jam"}
     calm = busy()
     assert not any(
         one.text.startswith("jam") or one.text.endswith("starved")
-        for one in fleet_words(scene_in(calm), calm.playback.figures[0], ASCII, words=False)
+        for one in fleet_words(scene_in(calm), calm.playback.figures[0], ASCII, room=40)
     )
 
 
 def test_the_states_in_the_status_line_add_up_to_the_fleet() -> None:
     view = moment(900, "factory")
-    words = state_words(scene_in(view), ASCII, words=True)
+    words = state_words(scene_in(view), ASCII, NAMED_STATES[0])
     assert [one.text for one in words] == ["▸1 loaded", "▹1 empty", "▹0 waiting", "⊚1 idle"]
+    long, short, least = (  # where two signs are alike, a word stays as long as it fits
+        " ".join(
+            one.text for one in fleet_words(scene_in(view), view.playback.figures[0], ASCII, room)
+        )
+        for room in (57, 56, 38)
+    )
+    assert long == "▸1 loaded ▹1 empty ▹0 waiting ⊚1 idle 7/460 delivered"
+    assert short == "▸1 ▹1 ▹0 waiting ⊚1 7/460 delivered"
+    assert least == "▸1 ▹1 ▹0 ⊚1 7/460 delivered"
 
 
 def test_the_panel_says_where_the_time_went_as_the_report_does() -> None:

@@ -28,7 +28,7 @@ PLAIN = [
     c for c in ROBOT_TABLE_COLUMNS if c.title not in ("type", "battery", "ahead", "zone", "queue")
 ]
 TITLES = [column.title for column in PLAIN]  # without types, batteries, plans and zones to serve
-ALL = 83  # columns for the whole table
+ALL = 93  # columns for the whole table
 
 
 def crowd(many: int) -> View:

@@ -62,7 +62,9 @@ def test_head_on_names_the_rule_and_the_circle_is_shown_as_such() -> None:
     said_then = shown(Why(), of_robot(deadlocked(), 3))
     assert "robot 1 holds (8, 1) and wants to come the other way" in said_then
     assert "rule: two robots cannot swap over one edge" in said_then
-    assert "a wait cycle: robot 2 -> robot 1 -> robot 2; none of them can go first" in said_then
+    assert (
+        "a wait cycle: robot 2 -> robot 1 -> robot 2; none moves until one makes way" in said_then
+    )
 
 
 def test_the_members_of_a_circle_are_in_the_colour_of_faults() -> None:
@@ -90,7 +92,7 @@ def test_a_robot_in_its_bay_is_told_who_holds_its_home(tmp_path: Path) -> None:
 def test_lost_time_is_split_by_cause_the_greatest_first() -> None:
     view = of_robot(deadlocked(), 1)
     lost = view.snapshot.robots.lost[1]
-    said_then = shown(Why(), view).partition("time lost: ")[2]
+    said_then = shown(Why(), view).partition("robot 1 lost ")[2]
     assert said_then.startswith(f"{100 * lost[1:].sum() / 300:.0f} % of 300 ticks HHHH")
     for code in np.flatnonzero(lost).tolist():
         assert f" {CAUSE_LETTERS[code]} {CAUSES[code].name} " in said_then
@@ -128,6 +130,9 @@ def test_without_a_robot_the_longest_waits_can_be_picked() -> None:
         assert listed == sorted(listed, key=lambda robot: since[robot])
         await click(pilot, why, "robot 3")
         assert stage.wishes() == [("robot", 3)]
+        why.show(of_robot(deadlocked(), 0))  # they stand below the waits of a selected robot, too
+        await pilot.pause()
+        assert "4 robots wait, longest first" in said(why)
 
     run_in_harness(why, story)
 

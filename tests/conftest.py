@@ -26,8 +26,12 @@ settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "ci"))
 pytest.MonkeyPatch().setattr(first_compilation, "cores", lambda: 1)
 
 
-# The viewer starts with its own settings, not with those of the user who runs the tests.
+# The viewer starts with its own settings, not with those of the user who runs the tests; and what is
+# drawn depends on the terminal.
 os.environ["XDG_CONFIG_HOME"] = os.devnull
+os.environ |= {"TERM": "xterm-256color", "COLUMNS": "80"}
+for name in ("COLORTERM", "NO_COLOR", "FORCE_COLOR", "LINES"):
+    os.environ.pop(name, None)
 
 
 # Tests make objects by the million, and drop most of them at once.

@@ -138,7 +138,7 @@ def test_random_walkers_never_share_a_cell_and_none_is_lost(case: WalkingFleet) 
 def test_random_walkers_keep_to_the_capacities_of_a_mixed_floor(walk: Any) -> None:
     world = walking_fleet(WalkingFleet(300, 20, mixed=True))
     capacity = (world.grid.cell_flags >> np.uint8(5)) & 3
-    most = np.where(capacity == UNLIMITED, 300, capacity)
+    most = np.where(capacity == UNLIMITED, 300, capacity.astype(int))
     entering = shared = 0
     for tick in range(300):
         walk(world, tick, tick + 1)

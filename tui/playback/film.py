@@ -119,6 +119,7 @@ def make_film(recordings: Sequence[Path], request: Request, out: Path | None) ->
     frames = schedule(first, last, request.speed, request.fps)
     if target == STANDARD_OUTPUT:
         said = _write(film, frames, sys.stdout.buffer)
+        sys.stdout.flush()  # what cannot be written is said before what was
         print(f"automaton: {said}", file=sys.stderr)
         return
     with atomic_writer(target) as file:

@@ -32,6 +32,7 @@ from automaton.drawings.looks import (
 )
 from automaton.drawings.moment import DrawnFloor, Moment
 from automaton.drawings.shapes import (
+    FADED,
     RADIUS,
     Box,
     Disc,
@@ -146,7 +147,7 @@ def _cells(floor: DrawnFloor, moment: Moment, theme: Theme) -> str:
         for x in range(1, len(row) + 1):
             before = _ground(row[x - 1])
             if x == len(row) or _ground(row[x]) != before:
-                grounds.add([Box(0, 0, x - begin, 1, before)], left + begin, y)
+                grounds.add([before._replace(width=x - begin)], left + begin, y)
                 begin = x
         for x, look in enumerate(row, left):
             marks.add(cell_shapes(look)[1:], x, y)
@@ -158,10 +159,10 @@ def _cells(floor: DrawnFloor, moment: Moment, theme: Theme) -> str:
     return f'<g shape-rendering="crispEdges">{grounds}</g>{marks}{loads}'
 
 
-def _ground(look: int) -> str:
+def _ground(look: int) -> Box:
     ground = cell_shapes(look)[0]
     assert isinstance(ground, Box)
-    return ground.colour
+    return ground
 
 
 def _pixels(floor: DrawnFloor, moment: Moment, theme: Theme) -> str:
@@ -185,7 +186,7 @@ def pixel_colours(
     """(height + 2, width + 2) the colour index of each cell with its load; the colours."""
     names = list(PALETTE)
     colours = [rgb(name, theme) for name in names]
-    colours += [blended(name, "floor", 0.55, theme) for name in names]
+    colours += [blended(name, "floor", FADED, theme) for name in names]
     of_look = np.zeros(256, np.uint8)
     for look in np.unique(floor.looks).tolist():
         shapes = cell_shapes(look)

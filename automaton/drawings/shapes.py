@@ -83,6 +83,7 @@ RADIUS: Final = 0.42  # of a robot
 LOAD_SIDE: Final = 0.52  # of a load on it
 MIN_DETAILED_CELL: Final = 13  # pixels; in smaller cells robots are discs and cells have no letters
 MIN_NUMBER: Final = 8  # pixels; smaller numbers are left out
+FADED: Final = 0.55  # opacity of places, and of walls inside a block
 LETTERED_KINDS: Final = ("destination", "charger", "parking-bay", "dock", "station")
 # The letters with which scenarios draw these cells; text pictures use them, too.
 CELL_LETTERS: Final = {
@@ -97,7 +98,7 @@ def cell_shapes(look: int) -> tuple[Shape, ...]:
     """The shapes of a cell, painted over the floor or over the void."""
     kind, detail, colour = look & KIND_MASK, look >> DETAIL_SHIFT, colour_of(look)
     if kind == WALL:
-        return (Box(0, 0, 1, 1, colour, opacity=0.3 if detail == DETAIL_INSIDE else 1),)
+        return (Box(0, 0, 1, 1, colour, opacity=FADED if detail == DETAIL_INSIDE else 1),)
     ground = Box(0, 0, 1, 1, "floor")
     if kind == FLOOR:
         mark = _chevron(detail - 1, colour) if detail else Box(0.46, 0.46, 0.08, 0.08, colour)
@@ -109,7 +110,7 @@ def cell_shapes(look: int) -> tuple[Shape, ...]:
     if kind == STORAGE:
         return ground, Box(0.08, 0.08, 0.84, 0.84, colour, line=0.04)
     name = CELL_KINDS[kind].name
-    block = Box(0.06, 0.06, 0.88, 0.88, colour, opacity=0.55)
+    block = Box(0.06, 0.06, 0.88, 0.88, colour, opacity=FADED)
     letter = CELL_LETTERS.get(name)
     return ground, block, *([Label(0.5, 0.5, 0.45, letter, "text")] if letter else ())
 

@@ -11,8 +11,9 @@ import pytest
 
 from automaton.drawings import floor_svg as module
 from automaton.drawings.floor_svg import floor_svg
-from automaton.drawings.looks import DRAW_WAITING, css, rgb
+from automaton.drawings.looks import DRAW_WAITING, blended, css, rgb
 from automaton.drawings.moment import DrawnFloor, Moment, drawn_floor, moment_of
+from automaton.drawings.shapes import FADED
 from automaton.engine.state import NIL
 from automaton.runs.simulation import Simulation
 from automaton.world.resolve import resolve
@@ -96,6 +97,15 @@ def test_waiting_is_told_by_shape_too(crossing: tuple[DrawnFloor, Moment, Simula
     waits = replace(moment, looks=moment.looks._replace(state=state))
     rings = [floor_svg(floor, one).count(f'stroke="{colour("floor")}"') for one in (moment, waits)]
     assert rings[1] == rings[0] + 1
+
+
+def test_walls_beside_the_floor_stand_out_from_the_inside_of_blocks() -> None:
+    simulation = Simulation(resolve("depots"), 1)
+    floor = drawn_floor(simulation.resolved)
+    moment = moment_of(floor, simulation.world, simulation.observation)
+    drawn = floor_svg(floor, moment)
+    faded = css(blended("wall", "floor", FADED, "light"))
+    assert f'fill="{colour("wall")}"' in drawn and f'fill="{faded}"' in drawn
 
 
 def test_a_floor_of_many_cells_is_pixels_and_stays_small(monkeypatch: pytest.MonkeyPatch) -> None:

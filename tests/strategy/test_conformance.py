@@ -35,10 +35,10 @@ from automaton.conformance.strategy_checks import (
     CaseRefusedError,
     Subject,
     branches,
-    halted_trace,
     legality,
     reply_to,
     storage,
+    trace_and_halfway,
 )
 from automaton.errors import InputError
 from automaton.world.resolve import resolve
@@ -165,7 +165,7 @@ def test_a_shipped_strategy_conforms_on_two_floors(layer: str, name: str) -> Non
     subject = Subject({"layer": layer, "strategy": name, "seed": 1, "timeout": 60})
     for number, resolved in islice(accepted(subject), 2):
         run = subject.run(resolved)
-        digests, halfway = halted_trace(subject, run)
+        digests, halfway = trace_and_halfway(subject, run)
         found = [*legality(subject, run, resolved), *branches(subject, resolved, digests, halfway)]
         found += storage(subject, resolved, digests, number)
         assert found == []

@@ -75,13 +75,6 @@ NOTICE_COLOURS: Final = {
     "error": styles.COLOUR_FAULT,
 }
 
-HINTS: Final = (  # text, action of a click, rank
-    ("? help", "help", 0),
-    ("space play", "play_pause", 1),
-    ("ctrl+p all commands", "command_palette", 2),
-)
-
-
 Command = Callable[[], Awaitable[None] | None]
 
 
@@ -547,10 +540,10 @@ class Display:
             return [word(describe(session.scene(), choice.cell))]
         if session.divergence is not None:
             return [word(session.divergence.text, styles.COLOUR_TEXT, "next_difference")]
-        hints = [word(text, styles.COLOUR_DIM, action, rank) for text, action, rank in HINTS]
         zoom = session.pictures.camera.zoom
         signs = floor_legend(session.scene().floor, zoom, session.glyphs)
-        return hints + legend_words(signs, len(HINTS))
+        hint = word("ctrl+p all commands", styles.COLOUR_DIM, "command_palette")
+        return [hint, *legend_words(signs, 2)]
 
     def _update_panels(self, now: float) -> None:
         session, pause = self._session, STRAINED_S if self.frames.pace.strained else PANELS_S

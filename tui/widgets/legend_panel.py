@@ -75,8 +75,11 @@ class Legend(TextPanel):
             return []
         entries = legend(picture.scene, picture.zoom, picture.glyphs)
         heat = heat_codes(picture.glyphs)[1:].tolist()
-        strip = LegendLine((tuple(heat),), "below the timeline: time lost, by rows of the floor")
-        lines = [_entry(entry, picture, width) for entry in (*entries, strip)]
+        below = [
+            LegendLine((), "timeline: deliveries and events over time"),
+            LegendLine((tuple(heat),), "below the timeline: time lost, by rows of the floor"),
+        ]
+        lines = [_entry(entry, picture, width) for entry in (*entries, *below)]
         first = len(_layer(picture.scene, picture.glyphs))
         lines.insert(first, _worst(picture.scene))
         return [one for entry in lines for one in entry]

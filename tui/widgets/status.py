@@ -21,6 +21,8 @@ from automaton.engine.state import (
     NIL,
     ORDER_DELIVERED,
     ORDER_WAITING,
+    STATUS_DEPLETED,
+    STATUS_FAILED,
 )
 from automaton.floor.floor_plan import (
     ANY_LOADS,
@@ -73,11 +75,12 @@ STATE_SIGNS: Final = {  # a shape that robots have in this state
     looks.DRAW_PARKED: looks.SHAPE_SQUARE,
     looks.DRAW_FAULT: looks.SHAPE_HOLLOW,
 }
-FAULT_WORDS: Final = COLOUR_WORDS[looks.STATE_COLOURS[looks.DRAW_FAULT]]
+FAULT_WORDS: Final = COLOUR_WORDS[looks.STATE_COLOURS[looks.DRAW_FAULT]]  # "this, or that"
 ALWAYS_SHOWN: Final = (looks.DRAW_LOADED, looks.DRAW_EMPTY, looks.DRAW_WAITING, looks.DRAW_IDLE)
 NAMED_STATES: Final = (  # states with words; the first of these for which there is room
     frozenset(STATE_SIGNS),
-    frozenset({looks.DRAW_WAITING}),  # its sign is that of empty robots
+    frozenset({looks.DRAW_WAITING, looks.DRAW_FAULT}),  # their sign is that of empty robots
+    frozenset({looks.DRAW_WAITING}),
     frozenset[int](),
 )
 
@@ -285,7 +288,7 @@ def state_words(scene: Scene, glyphs: GlyphSet, named: Container[int]) -> list[W
         common = state in ALWAYS_SHOWN or (state == looks.DRAW_CHARGING and scene.floor.battery)
         if count[state] or common:
             name = looks.STATE_COLOURS[state]
-            name = FAULT_WORDS if state == looks.DRAW_FAULT else name
+            name = _fault_words(scene) if state == looks.DRAW_FAULT else name
             shown = f" {name}" if state in named else ""
             number_of_robots = word(f"{count[state]:,}{shown}").glyphs
             colour = int(drawn.BODY_COLOURS[state]) if count[state] else styles.COLOUR_DIM
@@ -293,6 +296,17 @@ def state_words(scene: Scene, glyphs: GlyphSet, named: Container[int]) -> list[W
             action = "why" if state == looks.DRAW_FAULT else "robots"
             said.append(Word((sign, *number_of_robots), colour, action, 1))
     return said
+
+
+def _fault_words(scene: Scene) -> str:
+    """What is wrong with the robots in the colour of faults."""
+    assert scene.snapshot is not None
+    stuck, down = FAULT_WORDS.split(", or ")
+    in_cycle = scene.snapshot.robots.wait_cycle_ticks > 0
+    are_down = np.isin(scene.snapshot.robots.status, (STATUS_DEPLETED, STATUS_FAILED))
+    if in_cycle.any() and are_down.any():
+        return FAULT_WORDS
+    return down if are_down.any() else stuck
 
 
 def choice_words(robot: int, following: bool, layer: str, rank: int = 2) -> list[Word]:

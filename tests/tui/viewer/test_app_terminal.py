@@ -343,7 +343,7 @@ def test_nothing_on_the_screen_has_more_colours_than_were_asked_for_in_either_th
                 session.wait_for_text(text)
                 hidden += unreadable(session)
         # In both themes test_panel_contrast measures them.
-        dialogs = {"?": "Looking closer", "/": "Go there", "b": "Breakpoints:"}
+        dialogs = {"?": "Looking closer", "/": "Go there", "b": "Stops:"}
         for key, text in {**dialogs, "\x10": "Search"}.items():
             session.press(key)
             session.wait_for_text(text)

@@ -112,6 +112,9 @@ def test_the_states_in_the_status_line_add_up_to_the_fleet() -> None:
     assert long == "▸1 loaded ▹1 empty ▹0 waiting ⊚1 idle 7/460 delivered"
     assert short == "▸1 ▹1 ▹0 waiting ⊚1 7/460 delivered"
     assert least == "▸1 ▹1 ▹0 ⊚1 7/460 delivered"
+    stuck = moment(700, "tabletop-1", "fleet.robots=5", "strategy.right_of_way=wait")
+    words = fleet_words(scene_in(stuck), stuck.playback.figures[0], ASCII, room=82)
+    assert [one.text for one in words][2::2][:2] == ["▹3 waiting", "▹2 in a wait cycle"]
 
 
 def test_the_panel_says_where_the_time_went_as_the_report_does() -> None:

@@ -115,8 +115,8 @@ def simulate(
     and `events=True` adds the table `events`; each also adds the table `cells`. `folder`: a new
     folder; tables are written to it as Parquet during the run, and not held in memory. `record`: a
     file for the recording. Returns an Outcome: `metrics` by name, `robots`, `digest`, `ticks`, and
-    `picture`, which a notebook shows. Raises InputError for bad input and for a strategy that
-    raises.
+    `picture` and `headline`, which a notebook shows. Raises InputError for bad input and for a
+    strategy that raises.
 
         outcome = automaton.simulate("tabletop-mini", seed=7)
         outcome.finished, outcome.metrics["makespan"]
@@ -148,27 +148,29 @@ def _resolved(
 def _run_shown(
     resolved: Resolved, record: str | Path | None, tables: TableRun | None = None
 ) -> Outcome:
-    """Run a scenario once, with the picture of its end and, if requested, its recording."""
+    """Run a scenario once, with a picture, its main metrics and, if requested, its recording."""
     from automaton.recording.recorder import Recorder
-    from automaton.runs.headless import run_once
+    from automaton.runs.headless import BusyPicture, run_once
+    from automaton.runs.metric_catalogue import units_of
+    from automaton.runs.run_report import headline_table
 
-    pictures: list[FloorPicture] = []
-
-    def on_end(simulation: CompiledRun) -> None:
-        pictures.append(simulation.picture())
-        if tables is not None:
-            tables.finish(simulation)
-
-    sampling = None if tables is None else tables.sampling
+    watch = BusyPicture()
+    on_end, sampling = (None, None) if tables is None else (tables.finish, tables.sampling)
     if record is None:
-        outcome = run_once(resolved, on_end=on_end, sampling=sampling)
-        return outcome._replace(picture=pictures[0])
-    try:
-        with Recorder(record, resolved, resolved.scenario.seed) as recorder:
-            outcome = run_once(resolved, recorder, on_end=on_end, sampling=sampling)
-    except OSError as error:
-        raise InputError(f"cannot write the recording: {error.strerror}", str(record)) from error
-    return outcome._replace(picture=pictures[0], recording=read(record))
+        outcome = run_once(resolved, on_end=on_end, sampling=sampling, watch=watch)
+    else:
+        try:
+            with Recorder(record, resolved, resolved.scenario.seed) as recorder:
+                outcome = run_once(
+                    resolved, recorder, on_end=on_end, sampling=sampling, watch=watch
+                )
+        except OSError as error:
+            raise InputError(
+                f"cannot write the recording: {error.strerror}", str(record)
+            ) from error
+        outcome = outcome._replace(recording=read(record))
+    headline = headline_table(resolved, outcome, units_of(resolved)[0]).rows
+    return outcome._replace(picture=watch.picture, headline=headline)
 
 
 def sweep(

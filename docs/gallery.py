@@ -1,7 +1,8 @@
 """Make the gallery: `python docs/gallery.py`.
 
-It runs each scenario to a tick, draws the floor, and writes `docs/gallery.md` with the pictures. With
-`--films FOLDER` it also writes each run up to there as a page with a film.
+It runs each scenario to a tick, draws the floor, and writes `docs/gallery.md` with the pictures, which
+are light or dark as the page around them. With `--films FOLDER` it also writes each run up to there as a
+page with a film.
 """
 
 from __future__ import annotations
@@ -71,14 +72,48 @@ def on_page(name: str, folder: Path) -> Path:
     return file
 
 
+PAINTED: Final = re.compile(r'(fill|stroke)="(#[0-9a-f]{6})"|<image [^>]*/>')
+
+
+def in_both_palettes(light: str, dark: str) -> str:
+    """One SVG of two that differ in colours alone: light, and dark where the page around it is dark."""
+    rules = {".dark": "display:inline", ".light": "display:none"}
+    darks = PAINTED.finditer(dark)
+
+    def both(one: re.Match[str]) -> str:
+        other = next(darks)
+        if one[1] is None:  # a bitmap
+            images = (
+                f'<image class="{name}"{image[0][6:]}'
+                for name, image in (("light", one), ("dark", other))
+            )
+            return "".join(images)
+        name = f"{one[1][0]}{one[2][1:]}"
+        assert rules.setdefault(f".{name}", f"{one[1]}:{other[2]}") == f"{one[1]}:{other[2]}"
+        return f'{one[0]} class="{name}"'
+
+    assert PAINTED.sub("", light) == PAINTED.sub("", dark)
+    head, body = PAINTED.sub(both, light).split(">", 1)
+    used = "".join(f"{name}{{{rule}}}" for name, rule in rules.items() if f'"{name[1:]}"' in body)
+    hidden = "<style>.dark{display:none}" if ".dark" in used else "<style>"
+    return f"{head}>{hidden}@media(prefers-color-scheme:dark){{{used}}}</style>{body}"
+
+
+def drawing(recorded: automaton.Recording, tick: int) -> str:
+    """The floor at a tick of a recording, in both palettes."""
+    light, dark = (recorded.picture(at=tick, theme=theme).svg for theme in ("light", "dark"))
+    return in_both_palettes(light, dark)
+
+
 def draw_tutorials() -> None:
     """Draw the scenarios that tutorials contain."""
     for name, (_, tick) in DRAWN_ON_PAGES.items():
         with tempfile.TemporaryDirectory() as folder:
             file = on_page(name, Path(folder))
             run = automaton.Simulation(str(file)).run(until=tick)
-            drawing = run.save(Path(folder) / f"{name}.rec").picture(at=tick)
-            (DOCS / "pictures" / f"{name}.svg").write_text(drawing.svg, encoding="utf-8")
+            recorded = run.save(Path(folder) / f"{name}.rec")
+            svg = drawing(recorded, tick)
+            (DOCS / "pictures" / f"{name}.svg").write_text(svg, encoding="utf-8")
 
 
 def make(films: Path | None) -> None:
@@ -89,8 +124,8 @@ def make(films: Path | None) -> None:
     for name in MOMENTS:
         with tempfile.TemporaryDirectory() as folder:
             recorded = recording(name, Path(folder))
-            drawing = recorded.picture(at=MOMENTS[name])
-            (DOCS / PICTURES / f"{name}.svg").write_text(drawing.svg, encoding="utf-8")
+            svg = drawing(recorded, MOMENTS[name])
+            (DOCS / PICTURES / f"{name}.svg").write_text(svg, encoding="utf-8")
             if films is not None:
                 films.mkdir(parents=True, exist_ok=True)
                 (films / f"{name}.html").write_text(recorded.film().page, encoding="utf-8")

@@ -14,7 +14,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from html import escape
 from types import FrameType
-from typing import Any, NamedTuple, Protocol
+from typing import Any, Final, NamedTuple, Protocol
 
 import numpy as np
 
@@ -48,7 +48,6 @@ from automaton.runs.metrics import (
     metrics_of,
     sums_of_orders,
     sums_of_parts,
-    time_shares,
     uses_of_run,
 )
 from automaton.runs.periods import Period, PeriodMarks
@@ -70,7 +69,6 @@ from automaton.runs.task_metrics import (
     tasks_after,
 )
 from automaton.scenario.unavailable_metrics import warm_up_of
-from automaton.units import count, number, percent
 from automaton.world.resolved import Resolved, StrategyChoice
 
 # Ticks between two checks of the clock and of Ctrl-C. A multiple of the ticks that a recording buffers,
@@ -125,7 +123,8 @@ class Outcome(NamedTuple):
     deadlock: LongestDeadlock | None = None  # the longest deadlock, or None
     illegal: IllegalDecisions = NO_ILLEGAL_DECISIONS  # illegal decisions of strategies
     tables: Any = None  # tables, of `simulate(tables=True)`: automaton.tables.table_files.Tables
-    picture: FloorPicture | None = None  # the floor at the end, of `simulate`
+    picture: FloorPicture | None = None  # the floor while robots were busy, of `simulate`
+    headline: Sequence[Sequence[str]] = ()  # the metrics that matter first, in words, of `simulate`
     recording: Any = None  # the recording, of `simulate(record=FILE)`: python_api.RecordedRun
 
     def film(self, **options: Any) -> Any:
@@ -140,29 +139,40 @@ class Outcome(NamedTuple):
         return self.recording.film(**options)
 
     def _repr_html_(self) -> str:
-        """Show the floor at the end, how the run ended, and its main metrics, in a notebook."""
+        """Show robots at work, how the run ended, and its main metrics, in a notebook."""
         words = f"finished in tick {self.ticks:,}"
         if not self.finished:
-            words = f"not finished in {count(self.ticks, 'tick')}: {self.diagnosis}"
+            words = f"not finished after tick {self.ticks:,}: {self.diagnosis}"
         shown = "" if self.picture is None else self.picture._repr_html_()
         rows = "".join(
-            f"<tr><th style='text-align:left'>{name}</th><td>{value}</td></tr>"
-            for name, value in self.main_metrics()
+            f"<tr><th style='text-align:left'>{escape(name)}</th>"
+            f"<td style='text-align:left'>{escape(value)}</td></tr>"
+            for name, value in self.headline
         )
         return f"{shown}<p>{escape(words)}</p><table>{rows}</table>"
 
-    def main_metrics(self) -> list[tuple[str, str]]:
-        """The metrics that matter first, in words, with times in ticks."""
-        metrics, shares = self.metrics, {name: share for name, share, _ in time_shares(self.uses)}
-        rows = [("delivered", f"{self.delivered:,} of {count(self.orders, 'order')}")]
-        rows += [("throughput", f"{number(metrics['throughput'])} orders in 1,000 ticks")]
-        if "lead_time" in metrics:
-            mean, p95 = (number(metrics[name]) for name in ("lead_time", "lead_time_p95"))
-            rows += [("lead time", f"mean {mean} ticks, 95th percentile {p95}")]
-        if "late_share" in metrics:
-            rows += [("late", percent(metrics["late_share"]))]
-        rows += [("on orders", f"{percent(metrics['utilization'])} of robot time")]
-        return [*rows, ("in traffic", f"{percent(shares.get('traffic', 0))} of robot time")]
+
+class BusyPicture:
+    """The floor at the last look at which at least half of the robots had an order.
+
+    If this never happened, at the last of the looks at which most robots had one. After tick t the next
+    look is at t + max(1, t // LOOKS), so that long runs have few.
+    """
+
+    LOOKS: Final = 16  # the next look is after this part of the run so far
+
+    def __init__(self) -> None:
+        self.picture: FloorPicture | None = None
+        self._most = 0  # robots with an order, at most half of the fleet
+
+    def run(self, simulation: Simulation, until: int, advance: Callable[[int], None]) -> None:
+        """Advance a run to tick `until` or to its end, and look on the way."""
+        while simulation.tick < until and not simulation.finished:
+            advance(min(until, simulation.tick + max(1, simulation.tick // self.LOOKS)))
+            orders = simulation.world.robots.order
+            busy = min(int((orders != NIL).sum()), (len(orders) + 1) // 2)
+            if busy >= self._most:
+                self._most, self.picture = busy, simulation.picture()
 
 
 def run_to_end(
@@ -171,7 +181,7 @@ def run_to_end(
     last_worked: Array | None = None,
     until: int | None = None,
     sampling: Sampling | None = None,
-    watch: JamWatch | None = None,
+    watch: JamWatch | BusyPicture | None = None,
     marks: PeriodMarks | None = None,
 ) -> float:
     """Run to the stop condition, tick `until` or the limit; return seconds without compilation.
@@ -262,7 +272,7 @@ def run_once(
     on_end: OnWindow | None = None,
     patience: float | None = None,
     sampling: Sampling | None = None,
-    watch: JamWatch | None = None,
+    watch: JamWatch | BusyPicture | None = None,
     every: int = 0,
 ) -> Outcome:
     """Run a scenario with its own seed to its end or to tick `until`, then call `on_end`.
@@ -366,7 +376,7 @@ class CountedStretches(NamedTuple):
 def run_marked(
     simulation: Simulation,
     every: int = 0,
-    watch: JamWatch | None = None,
+    watch: JamWatch | BusyPicture | None = None,
     periods: PeriodMarks | None = None,
 ) -> CountedStretches:
     """Run to the end; `every`: length of a stretch in ticks, 0 for no stretches.

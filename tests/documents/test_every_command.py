@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -34,7 +35,20 @@ COMMANDS = {
     "streets": "streets crossing --out {folder}/found --runs 96 --dry-run --workers 1",
     "tune": "tune tabletop-mini --budget 60 --workers 1",
     "bench": "bench --only tables --repeat 1",
+    "what-if": "what-if tabletop-mini {folder}/changes.yaml --pairs 2 --workers 1",
+    "import": "import {folder}/pods.lif --out {folder}/site.yaml --cell 1m --tick 1s --force",
+    "log": "log {folder}/pods.jsonl --floor goods-mini --out {folder}/real.rec",
+    "calibrate": "calibrate {folder}/pods.jsonl --floor goods-mini --out {folder}/fit.yaml --pairs 0",
+    "export": "export {folder}/pods.rec --vda5050 {folder}/again.jsonl --every 1s",
+    "export a floor": "export goods-mini --lif {folder}/again.lif",
+    "cast": "cast {folder}/pods.rec --html {folder}/film.html --to 50",
+    "picture": "cast {folder}/pods.rec --picture {folder}/still.txt --at 40",
+    "compile": "compile tabletop-mini",
 }
+SENTENCES = ("export", "export a floor", "cast", "picture", "compile")  # wrapped on terminals alone
+CHANGES = """- {name: one robot fewer, set: {fleet.robots: 2}}
+- {name: slower turns, set: {durations.turn: 40, durations.pick: 15}}
+"""
 TIMES = re.compile(r"computed in \S+ ms|\(?[\d,.]+ (s|ms|minutes)\b\S*")
 DRAWN = re.compile(r"^[^A-Za-z]*$|[|+].*[|:o-]{3}|^ {8}")  # scales and curves, which do not wrap
 
@@ -51,6 +65,10 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     study = small_study(folder)
     assert main(["run", "tabletop-mini", "--record", str(folder / "a.rec")]) == 0
     assert main(f"sweep {study} --out {folder}/out --workers 1".split()) == 0
+    (folder / "changes.yaml").write_text(CHANGES)
+    assert main(["run", "goods-mini", "--record", str(folder / "pods.rec")]) == 0
+    assert main(f"export {folder}/pods.rec --vda5050 {folder}/pods.jsonl --every 1s".split()) == 0
+    assert main(f"export goods-mini --lif {folder}/pods.lif".split()) == 0
     return folder
 
 
@@ -76,6 +94,9 @@ def test_lines_fit_and_words_are_whole(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     command = COMMANDS[name].format(folder=folder)
+    if name in SENTENCES:
+        monkeypatch.setattr(sys.stdout, "isatty", lambda: True)
+        monkeypatch.setenv("NO_COLOR", "1")
     whole = words(printed(command, NO_LIMIT, capsys, monkeypatch))
     for width in WIDTHS:
         lines = printed(command, width, capsys, monkeypatch)

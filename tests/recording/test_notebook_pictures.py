@@ -12,8 +12,10 @@ from pathlib import Path
 import pytest
 
 from automaton import read, simulate
+from automaton.commands import main
+from automaton.engine.state import NIL
 from automaton.errors import InputError
-from automaton.runs.headless import Outcome
+from automaton.runs.headless import BusyPicture, Outcome
 from automaton.runs.simulation import Simulation
 from automaton.world.resolve import resolve
 
@@ -42,12 +44,38 @@ def test_a_simulation_shows_its_floor_and_robots() -> None:
     assert "<p>crossing, 4 robots: tick 90, 7 of 16 orders done</p>" in page
 
 
-def test_an_outcome_shows_the_end_and_how_the_run_ended(recorded: Outcome) -> None:
+def test_an_outcome_shows_robots_at_work_and_how_the_run_ended(recorded: Outcome) -> None:
     page = recorded._repr_html_()
-    assert robots(page) == 4 and "tick 205, 16 of 16 orders done" in page
-    assert "<p>finished in tick 205</p>" in page
-    assert "<td>16 of 16 orders</td>" in page and "orders in 1,000 ticks</td>" in page
-    assert len(recorded.main_metrics()) == page.count("<tr>") <= 6
+    assert robots(page) == 4 and "<p>finished in tick 205</p>" in page
+    shown = re.search(r"tick (\d+), \d+ of 16 orders done", page)
+    assert shown is not None
+    simulation = Simulation(resolve("crossing"))
+    simulation.run(until=int(shown[1]))
+    assert (simulation.world.robots.order != NIL).sum() >= 2  # of 4
+    simulation.run(until=int(shown[1]) + max(1, int(shown[1]) // BusyPicture.LOOKS))
+    assert (simulation.world.robots.order != NIL).sum() < 2
+
+
+def test_the_picture_of_a_run_that_ends_at_work_is_its_end() -> None:
+    outcome = simulate("goods-mini", stop__max_duration=100)
+    assert "tick 100," in outcome._repr_html_()
+
+
+def test_an_outcome_shows_the_metrics_that_a_run_prints_first(
+    recorded: Outcome, capsys: pytest.CaptureFixture[str]
+) -> None:
+    page = ET.fromstring(re.findall("<table>.*</table>", recorded._repr_html_())[0])
+    rows = [["".join(cell.itertext()) for cell in row] for row in page]
+    assert main(["run", "crossing"]) == 0
+    printed = capsys.readouterr().out.split("-----\n", 1)[1].split("\n\n")[0]
+    assert rows == [re.split("  +", line.strip(), maxsplit=1) for line in printed.splitlines()]
+    assert rows[0] == ["delivered", "16 of 16 orders"] and 4 <= len(rows) <= 6
+
+
+def test_what_a_notebook_shows_is_escaped(recorded: Outcome) -> None:
+    page = recorded._replace(headline=[["<b>", "a & b"]], finished=False, diagnosis="<i>")
+    assert "&lt;b&gt;" in page._repr_html_() and "a &amp; b" in page._repr_html_()
+    assert "&lt;i&gt;" in page._repr_html_() and "<i>" not in page._repr_html_()
 
 
 def test_a_recording_shows_any_tick(recorded: Outcome, tmp_path: Path) -> None:

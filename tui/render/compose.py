@@ -194,13 +194,13 @@ def standing_dots(
     Half of a dot's cells suffice; of walls around blocks, all, so that narrow aisles remain visible.
     """
     inside = floor.looks == look(WALL, DETAIL_INSIDE)
-    kind, blocks = (
+    kind, in_blocks = (
         cells[shown.top : shown.bottom, shown.left : shown.right]
         for cells in (floor.floor_plan.kind, beside(inside))
     )
     standing = np.isin(kind, (*STORING_KINDS, WALL))
     area = dot_blocks(np.ones(kind.shape, np.uint8), zoom, dots)
-    half = 2 * dot_blocks(standing & ~blocks, zoom, dots) >= area
+    half = 2 * dot_blocks(standing & ~in_blocks, zoom, dots) >= area
     return np.asarray(half | (dot_blocks(standing, zoom, dots) == area))
 
 

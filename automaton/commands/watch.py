@@ -62,6 +62,8 @@ def add_display_arguments(parser: argparse.ArgumentParser) -> None:
     add("--color", choices=("auto", "true", "256", "16", "none"), default="auto", help=text)
     text = "set the colors (default: auto, as last chosen or as the background of the terminal)"
     add("--theme", choices=("auto", "dark", "light"), default="auto", help=text)
+    text = "show maps as images; auto: if the terminal can (default: as in the settings, else auto)"
+    add("--pixels", choices=("auto", "off", "kitty", "sixel"), help=text)
     add("--plain", action="store_true", help="print metrics as text, without a screen")
     group = parser.add_argument_group("sentences, for logs and screen readers")
     add = group.add_argument

@@ -41,6 +41,8 @@ from automaton.drawings.shapes import (
     Shape,
     cell_shapes,
     load_shapes,
+    name_in_cell,
+    place_shapes,
     robot_shapes,
     selection_shapes,
     shut_shapes,
@@ -64,7 +66,7 @@ def floor_svg(
     columns, rows = max(right - left, 1), max(bottom - top, 1)
     scale = min(MAX_WIDTH / columns, MAX_HEIGHT / rows, MAX_CELL_SIDE)
     many = columns * rows > MAX_DRAWN_CELLS
-    ground = _pixels(floor, moment, theme) if many else _cells(floor, moment, theme)
+    ground = _pixels(floor, moment, theme) if many else _cells(floor, moment, theme, scale)
     size = f'width="{columns * scale:.0f}" height="{rows * scale:.0f}"'
     view = " ".join(str(CELL_UNITS * one) for one in (left, top, columns, rows))
     return (
@@ -137,8 +139,8 @@ def _places(cells: NDArray[np.int32], stride: int) -> Iterator[tuple[int, int]]:
         yield cell % stride - 1, cell // stride - 1
 
 
-def _cells(floor: DrawnFloor, moment: Moment, theme: Theme) -> str:
-    """Every cell with its mark; adjacent grounds of one colour in a row are merged."""
+def _cells(floor: DrawnFloor, moment: Moment, theme: Theme, scale: float) -> str:
+    """Cells of `scale` pixels with their marks; adjacent grounds of one colour in a row are merged."""
     left, top, right, bottom = floor.box
     looks = floor.looks[top + 1 : bottom + 1, left + 1 : right + 1]
     grounds, marks, loads = _Sheet(theme), _Sheet(theme), _Sheet(theme)
@@ -152,6 +154,9 @@ def _cells(floor: DrawnFloor, moment: Moment, theme: Theme) -> str:
         for x, look in enumerate(row, left):
             marks.add(cell_shapes(look)[1:], x, y)
     stride = floor.floor_plan.stride
+    for cell, (kind, names) in floor.places.items():
+        y, x = divmod(cell, stride)
+        marks.add(place_shapes(kind, name_in_cell(names, scale)), x - 1, y - 1)
     for x, y in _places(moment.full, stride):
         loads.add(load_shapes(), x, y)
     for x, y in _places(moment.shut, stride):

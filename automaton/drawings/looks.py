@@ -7,6 +7,7 @@ in the higher bits. The look of a robot is a state, which determines its colour,
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from typing import Any, Final, Literal, NamedTuple
 
@@ -29,6 +30,7 @@ from automaton.floor.floor_plan import (
     DIRECTION_VECTORS,
     FLOOR,
     STORAGE,
+    SYMBOLS,
     TRACK,
     TURNTABLE,
     WALL,
@@ -79,6 +81,13 @@ DETAIL_INSIDE: Final = 1  # detail of a wall with only walls around it
 DETAIL_ONE_WAY: Final = 1  # 1 to 4: details of floor, 1 + direction
 KIND_COLOURS: Final = {
     kind.code: {"floor": "mark", "storage": "mark"}.get(kind.name, kind.name) for kind in CELL_KINDS
+}
+LETTERED_KINDS: Final = ("destination", "charger", "parking-bay", "dock", "station")
+# The letters with which scenarios draw these cells; text pictures use them, too.
+CELL_LETTERS: Final = {
+    CELL_KINDS[symbol.kind].name: letter
+    for letter, symbol in SYMBOLS.items()
+    if CELL_KINDS[symbol.kind].name in LETTERED_KINDS
 }
 # States of a robot, the worst last.
 DRAW_PARKED: Final = 0
@@ -144,6 +153,26 @@ def colour_of(look: int) -> str:
     """The name of a look's colour."""
     kind, detail = look & KIND_MASK, look >> DETAIL_SHIFT
     return "direction" if kind == FLOOR and detail else KIND_COLOURS[kind]
+
+
+def place_labels(names: dict[int, str], stride: int) -> dict[int, tuple[str, list[str]]]:
+    """By cell, the kind of a named place ("station P3") and what may be written there, the longest first.
+
+    That is its name without the kind, and the number in it if no other place of this kind has it.
+    Adjacent cells of one place have only one name.
+    """
+    numbers = Counter(_kind_and_number(name) for name in set(names.values()))
+    labels = {}
+    for cell, name in names.items():
+        kind, number = _kind_and_number(name)
+        is_first = kind != "closing" and name not in (names.get(cell - 1), names.get(cell - stride))
+        own = [number] if number and numbers[kind, number] == 1 else []
+        labels[cell] = kind, [name.partition(" ")[2], *own] if is_first else []
+    return labels
+
+
+def _kind_and_number(name: str) -> tuple[str, str]:
+    return name.partition(" ")[0], name[len(name.rstrip("0123456789")) :]
 
 
 def box_of(floor_plan: FloorPlan) -> tuple[int, int, int, int]:

@@ -10,7 +10,15 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from automaton.drawings.looks import Looks, RobotLooks, box_of, cell_of, looks_of, robot_looks
+from automaton.drawings.looks import (
+    Looks,
+    RobotLooks,
+    box_of,
+    cell_of,
+    looks_of,
+    place_labels,
+    robot_looks,
+)
 from automaton.engine.state import GATE_CLOSING, GATE_DOOR, NIL
 from automaton.floor.floor_plan import UNBOUNDED, FloorPlan
 from automaton.vocabulary import STATE_WORDS, robot_states
@@ -40,6 +48,8 @@ class DrawnFloor:
     headings: tuple[int, ...]  # number of headings by type: 1, 2 (axes) or 4
     battery: bool  # robots run on batteries
     may_be_down: bool  # robots may break down
+    place_names: dict[int, str]  # such as "door 1", by flat cell
+    levels: tuple[tuple[str, int], ...]  # names of levels, and their first cells
 
     @cached_property
     def looks(self) -> Looks:
@@ -50,6 +60,11 @@ class DrawnFloor:
     def box(self) -> tuple[int, int, int, int]:
         """Left, top, right and bottom of the drawing, see box_of."""
         return box_of(self.floor_plan)
+
+    @cached_property
+    def places(self) -> dict[int, tuple[str, list[str]]]:
+        """Kinds and short names by cell, see place_labels."""
+        return place_labels(self.place_names, self.floor_plan.stride)
 
     @cached_property
     def bounded(self) -> NDArray[np.bool_]:
@@ -63,7 +78,10 @@ def drawn_floor(resolved: Resolved) -> DrawnFloor:
     scenario = resolved.scenario
     faults = bool(scenario.faults.listed or scenario.faults.probability)
     headings = tuple(one.headings for one in resolved.fleet.types)
-    return DrawnFloor(resolved.floor_plan, headings, scenario.battery is not None, faults)
+    with_battery, names = scenario.battery is not None, resolved.place_names
+    return DrawnFloor(
+        resolved.floor_plan, headings, with_battery, faults, names, resolved.level_corners
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,23 +122,33 @@ def looks_of_fleet(fleet: Any, floor: DrawnFloor) -> RobotLooks:
 
 
 def moment_of(floor: DrawnFloor, world: Any, observation: Any) -> Moment:
-    """A moment of a run. A robot in a move of several ticks is drawn between its two cells."""
+    """A moment of a run."""
     fleet = fleet_of(world, observation)
+    shown = full_cells(world, floor), shut_cells(world)
+    return moment_of_fleet(floor, fleet, int(world.clock.tick), *shown)
+
+
+def moment_of_fleet(floor: DrawnFloor, fleet: Any, tick: int, full: Cells, shut: Cells) -> Moment:
+    """A moment from the fields of robots, by identity, with the cells of loads and closed cells.
+
+    A robot in a move of several ticks is drawn between its two cells. A fleet without `doing` gets
+    no words.
+    """
     cell = cell_of(fleet)
     ahead = np.where((fleet.claim == NIL) | (cell == NIL), cell, fleet.claim)
     stride = floor.floor_plan.stride
     x, y = (cell % stride + ahead % stride) / 2, (cell // stride + ahead // stride) / 2
     off = cell == NIL
     return Moment(
-        tick=int(world.clock.tick),
+        tick=tick,
         x=np.where(off, np.nan, x - 1),
         y=np.where(off, np.nan, y - 1),
         looks=looks_of_fleet(fleet, floor),
-        doing=fleet.doing,
+        doing=getattr(fleet, "doing", np.zeros(0, np.int32)),
         cause=np.asarray(fleet.cause, np.int32),
         blocker=np.asarray(fleet.blocker, np.int32),
-        full=full_cells(world, floor),
-        shut=shut_cells(world),
+        full=full,
+        shut=shut,
     )
 
 

@@ -5,10 +5,12 @@ Lengths are in cells; (0, 0) is the upper left corner of a cell, and (1, 1) its 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import cache
 from typing import Final, NamedTuple
 
 from automaton.drawings.looks import (
+    CELL_LETTERS,
     DETAIL_INSIDE,
     DETAIL_SHIFT,
     DRAW_FAULT,
@@ -27,7 +29,6 @@ from automaton.floor.floor_plan import (
     DIRECTION_VECTORS,
     FLOOR,
     STORAGE,
-    SYMBOLS,
     TRACK,
     TURNTABLE,
     WALL,
@@ -84,12 +85,22 @@ LOAD_SIDE: Final = 0.52  # of a load on it
 MIN_DETAILED_CELL: Final = 13  # pixels; in smaller cells robots are discs and cells have no letters
 MIN_NUMBER: Final = 8  # pixels; smaller numbers are left out
 FADED: Final = 0.55  # opacity of places, and of walls inside a block
-LETTERED_KINDS: Final = ("destination", "charger", "parking-bay", "dock", "station")
-# The letters with which scenarios draw these cells; text pictures use them, too.
-CELL_LETTERS: Final = {
-    CELL_KINDS[symbol.kind].name: letter
-    for letter, symbol in SYMBOLS.items()
-    if CELL_KINDS[symbol.kind].name in LETTERED_KINDS
+NAME_SIZE: Final = 0.28  # height of the name of a place
+MAX_NAME: Final = 6  # characters of it that fit into a cell
+
+
+PLACE_SIGNS: Final[dict[str, tuple[Shape, ...]]] = {
+    "door": (Path(((0.25, 0.68), (0.25, 0.22), (0.75, 0.22), (0.75, 0.68)), "turntable", 0.07),),
+    "lift": (
+        Path(((0.36, 0.68), (0.36, 0.22)), "turntable", 0.07),
+        Path(((0.24, 0.36), (0.36, 0.22), (0.48, 0.36)), "turntable", 0.07),
+        Path(((0.64, 0.22), (0.64, 0.68)), "turntable", 0.07),
+        Path(((0.52, 0.54), (0.64, 0.68), (0.76, 0.54)), "turntable", 0.07),
+    ),
+    "closing": (
+        Disc(0.5, 0.5, 0.26, "turntable", 0.07),
+        Path(((0.37, 0.5), (0.63, 0.5)), "turntable", 0.07),
+    ),
 }
 
 
@@ -113,6 +124,19 @@ def cell_shapes(look: int) -> tuple[Shape, ...]:
     block = Box(0.06, 0.06, 0.88, 0.88, colour, opacity=FADED)
     letter = CELL_LETTERS.get(name)
     return ground, block, *([Label(0.5, 0.5, 0.45, letter, "text")] if letter else ())
+
+
+@cache
+def place_shapes(kind: str, name: str) -> tuple[Shape, ...]:
+    """The sign of an open door, a lift, or cells that are closed at times; below it a name, if any."""
+    label = (Label(0.5, 0.83, NAME_SIZE, name, "dim"),) if name else ()
+    return *PLACE_SIGNS.get(kind, ()), *label
+
+
+def name_in_cell(names: Sequence[str], scale: float) -> str:
+    """The first name that fits legibly into a cell of `scale` pixels, else ""."""
+    short = next((name for name in names if len(name) <= MAX_NAME), "")
+    return short if NAME_SIZE * scale >= MIN_NUMBER else ""
 
 
 def load_shapes() -> tuple[Shape, ...]:

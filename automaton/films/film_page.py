@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import html
 import json
+import math
 import pathlib
 import re
 from dataclasses import dataclass, field
@@ -15,6 +16,7 @@ import numpy as np
 
 from automaton.atomic_write import atomic_writer
 from automaton.drawings.looks import (
+    CELL_LETTERS,
     DETAIL_SHIFT,
     KIND_MASK,
     SHAPE_CROSS,
@@ -31,13 +33,14 @@ from automaton.drawings.looks import (
     rgb,
 )
 from automaton.drawings.shapes import (
-    CELL_LETTERS,
     MIN_DETAILED_CELL,
     MIN_NUMBER,
     Box,
     Disc,
-    Path,
+    Label,
     Shape,
+    name_in_cell,
+    place_shapes,
     robot_shapes,
 )
 from automaton.engine.state import NIL
@@ -59,6 +62,7 @@ from automaton.vocabulary import COLOUR_WORDS, RobotState, phrase_of
 
 GROUND: Final = (
     *("floor", "void", "text", "dim", "load", "selected", "waiting", "done", "cursor", "fault"),
+    "turntable",
 )
 # The marks of the states in the key, each with a shape that a robot in it may have.
 KEY_MARKS: Final = tuple(
@@ -127,6 +131,10 @@ def _words(stretch: RecordedStretch) -> dict[str, Any]:
         "looks": deflated(floor.looks),  # with the border, for parking bays
         "kinds": {str(kind): one.name for kind, one in enumerate(CELL_KINDS)},
         "letters": CELL_LETTERS,
+        "places": [
+            [cell, [_packed(shape) for shape in place_shapes(kind, name_in_cell(names, math.inf))]]
+            for cell, (kind, names) in floor.places.items()
+        ],
         "detailed": MIN_DETAILED_CELL,
         "legible": MIN_NUMBER,
         "key": KEY_MARKS,
@@ -155,7 +163,8 @@ def _packed(shape: Shape) -> list[Any]:
         return ["box", shape.colour, shape.line, shape.x, shape.y, shape.width, shape.height]
     if isinstance(shape, Disc):
         return ["disc", shape.colour, shape.line, shape.x, shape.y, shape.radius]
-    assert isinstance(shape, Path)
+    if isinstance(shape, Label):
+        return ["word", shape.colour, shape.text, shape.x, shape.y, shape.size]
     return ["line", shape.colour, shape.line, *(one for point in shape.points for one in point)]
 
 

@@ -10,6 +10,7 @@ Layout, from top to bottom:
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final
 
@@ -29,6 +30,8 @@ from automaton.drawings.shapes import (
     cell_shapes,
     is_legible,
     load_shapes,
+    name_in_cell,
+    place_shapes,
     robot_shapes,
     selection_shapes,
     shut_shapes,
@@ -62,6 +65,22 @@ class Layout:
     height: int
     scale: float  # pixels per cell; an integer from 2 on
     box: Extent
+    stretch: float = 1.0  # the height of a cell in widths of a cell
+
+    @property
+    def scale_down(self) -> float:
+        """The height of a cell in pixels."""
+        return self.scale * self.stretch
+
+    @property
+    def side(self) -> float:
+        """The shorter side of a cell in pixels."""
+        return min(self.scale, self.scale_down)
+
+    @property
+    def is_small(self) -> bool:
+        """Whether a cell is only one colour."""
+        return self.side < MIN_DRAWN_CELL
 
     @property
     def map_size(self) -> tuple[int, int]:
@@ -151,7 +170,9 @@ def pillow() -> Any:
 class Painter:
     """Paints moments of one floor. Raises InputError without Pillow."""
 
-    def __init__(self, floor: DrawnFloor, layout: Layout, theme: Theme, selected: int) -> None:
+    def __init__(
+        self, floor: DrawnFloor, layout: Layout, theme: Theme, selected: int = NIL
+    ) -> None:
         self._pil = pillow()
         self._floor, self.layout, self._theme, self._selected = floor, layout, theme, selected
         self._signs: dict[tuple[Any, ...], Image] = {}
@@ -168,13 +189,19 @@ class Painter:
 
     def _map(self, moment: Moment) -> Image:
         corner = self.layout.corner(self._place(moment))
-        small = self.layout.scale < MIN_DRAWN_CELL
-        image = self._small_floor(moment, corner) if small else self._ground(corner).copy()
-        if not small:
-            for cells, shapes in ((moment.full, load_shapes()), (moment.shut, shut_shapes())):
-                self._paste_all(image, cells, shapes, corner)
-        self._draw_wait(image, moment, corner)
+        image = self.floor_with_loads(moment, corner)
+        if (ends := self.wait_line(moment, self._selected, corner)) is not None:
+            self.draw_wait(image, ends)
         self._draw_robots(image, moment, corner)
+        return image
+
+    def floor_with_loads(self, moment: Moment, corner: tuple[float, float]) -> Image:
+        """The floor at a moment, without robots."""
+        if self.layout.is_small:
+            return self._small_floor(moment, corner)
+        image = self._ground(corner).copy()
+        for cells, shapes in ((moment.full, load_shapes()), (moment.shut, shut_shapes())):
+            self._paste_all(image, cells, shapes, corner)
         return image
 
     def _place(self, moment: Moment) -> tuple[float, float] | None:
@@ -187,22 +214,38 @@ class Painter:
         """The floor without loads, cached while the view stays."""
         if self._kept is not None and self._kept[0] == corner:
             return self._kept[1]
-        size, scale = self.layout.map_size, self.layout.scale
+        size, (left, top, right, bottom) = self.layout.map_size, self._floor.box
         image = self._pil.Image.new("RGB", size, self._rgb("void"))
-        left, top, right, bottom = self._floor.box
-        columns = range(max(left, int(corner[0])), min(right, int(corner[0] + size[0] / scale) + 1))
-        rows = range(max(top, int(corner[1])), min(bottom, int(corner[1] + size[1] / scale) + 1))
+        last_x = int(corner[0] + size[0] / self.layout.scale)
+        last_y = int(corner[1] + size[1] / self.layout.scale_down)
+        columns = range(max(left, int(corner[0])), min(right, last_x + 1))
+        rows = range(max(top, int(corner[1])), min(bottom, last_y + 1))
         for y in rows:
             for x in columns:
                 look = int(self._floor.looks[y + 1, x + 1])
-                tile = self._sign(("look", look), self._cell_shapes(look))
-                self._paste(image, tile, x, y, corner)
+                tile = self.sign(("look", look), self._cell_shapes(look))
+                self.paste(image, tile, x, y, corner)
+        self._add_places(image, corner)
         self._kept = corner, image
         return image
 
+    def _add_places(self, image: Image, corner: tuple[float, float]) -> None:
+        """Paint signs and names of places, and above them those of levels."""
+        layout, stride = self.layout, self._floor.floor_plan.stride
+        for cell, (kind, names) in self._floor.places.items():
+            if shapes := place_shapes(kind, name_in_cell(names, layout.side)):
+                sign, (y, x) = self.sign((shapes,), shapes), divmod(cell, stride)
+                self.paste(image, sign, x - 1, y - 1, corner)
+        font, pen = self.font(TEXT_SIZE), self.draw_on(image)
+        for name, cell in self._floor.levels:
+            left = (cell % stride - 1 - corner[0]) * layout.scale
+            top = (cell // stride - 1 - corner[1]) * layout.scale_down
+            if left >= 0 and top >= TEXT_SIZE:
+                pen.text((left, top - 2), _ascii(name), self._rgb("dim"), font, "ls")
+
     def _cell_shapes(self, look: int) -> tuple[Shape, ...]:
         shapes = cell_shapes(look)
-        if self.layout.scale >= MIN_DETAILED_CELL:
+        if self.layout.side >= MIN_DETAILED_CELL:
             return shapes
         return tuple(shape for shape in shapes if not isinstance(shape, Label))
 
@@ -211,66 +254,82 @@ class Painter:
         numbers, colours = pixel_colours(self._floor, moment, self._theme)
         left, top, right, bottom = self._floor.box
         pixels = np.array(colours, np.uint8)[numbers[top + 1 : bottom + 1, left + 1 : right + 1]]
-        scale, size = self.layout.scale, self.layout.map_size
-        box = (round((right - left) * scale), round((bottom - top) * scale))
+        scale, down, size = self.layout.scale, self.layout.scale_down, self.layout.map_size
+        box = (round((right - left) * scale), round((bottom - top) * down))
         method = (
             self._pil.Image.Resampling.NEAREST if scale >= 1 else self._pil.Image.Resampling.BOX
         )
         cells = self._pil.Image.fromarray(pixels).resize(box, method)
         image = self._pil.Image.new("RGB", size, self._rgb("void"))
-        image.paste(cells, (round((left - corner[0]) * scale), round((top - corner[1]) * scale)))
+        image.paste(cells, (round((left - corner[0]) * scale), round((top - corner[1]) * down)))
         return image
 
     def _paste_all(
         self, image: Image, cells: Any, shapes: tuple[Shape, ...], corner: tuple[float, float]
     ) -> None:
         stride = self._floor.floor_plan.stride
-        sign = self._sign((shapes,), shapes)
+        sign = self.sign((shapes,), shapes)
         for cell in cells.tolist():
-            self._paste(image, sign, cell % stride - 1, cell // stride - 1, corner)
+            self.paste(image, sign, cell % stride - 1, cell // stride - 1, corner)
 
     def _draw_robots(self, image: Image, moment: Moment, corner: tuple[float, float]) -> None:
-        looks, scale = moment.looks, self.layout.scale
         for robot in np.flatnonzero(~np.isnan(moment.x)).tolist():
-            name = str(robot) if is_legible(str(robot), scale) else ""
-            look = (int(looks.state[robot]), int(looks.shape[robot]), int(looks.direction[robot]))
+            sign = self.robot_sign(moment, robot, self._selected)
+            self.paste(image, sign, float(moment.x[robot]), float(moment.y[robot]), corner)
+
+    def robot_sign(self, moment: Moment, robot: int, selected: int) -> Image:
+        """The sign of a robot at a moment, painted once for each look; `selected`: a robot, or NIL."""
+        looks, scale = moment.looks, self.layout.side
+        name = str(robot) if is_legible(str(robot), scale) else ""
+        look = (int(looks.state[robot]), int(looks.shape[robot]), int(looks.direction[robot]))
+        key = ("robot", *look, name, robot == selected)
+        if key not in self._signs:
             shapes = robot_shapes(*look, name)
             if scale < MIN_DETAILED_CELL:
                 shapes = _small_robot(shapes, look[1], scale)
-            if robot == self._selected:
-                shapes += selection_shapes()
-            sign = self._sign(("robot", *look, name, robot == self._selected), shapes)
-            self._paste(image, sign, float(moment.x[robot]), float(moment.y[robot]), corner)
+            shapes += selection_shapes() if robot == selected else ()
+            return self.sign(key, shapes)
+        return self._signs[key]
 
-    def _draw_wait(self, image: Image, moment: Moment, corner: tuple[float, float]) -> None:
-        """Draw a line from the selected robot to its blocker."""
-        robot, scale = self._selected, self.layout.scale
+    def wait_line(
+        self, moment: Moment, robot: int, corner: tuple[float, float]
+    ) -> list[tuple[float, float]] | None:
+        """The pixels at which the line from a robot to its blocker ends, or None."""
         if robot == NIL or not moment.cause[robot] or moment.blocker[robot] == NIL:
-            return
-        both = [robot, int(moment.blocker[robot])]
+            return None
+        layout = self.layout
         ends = [
-            ((moment.x[one] + 0.5 - corner[0]) * scale, (moment.y[one] + 0.5 - corner[1]) * scale)
-            for one in both
+            (
+                float(moment.x[one] + 0.5 - corner[0]) * layout.scale,
+                float(moment.y[one] + 0.5 - corner[1]) * layout.scale_down,
+            )
+            for one in (robot, int(moment.blocker[robot]))
         ]
-        if not np.isnan(ends).any():
-            draw = self.draw_on(image)
-            draw.line(ends, self._rgb("waiting"), max(2, round(0.08 * scale)))
+        return None if np.isnan(ends).any() else ends
 
-    def _paste(
+    def draw_wait(self, image: Image, ends: Sequence[tuple[float, float]]) -> None:
+        """Draw the line of a wait."""
+        width = max(2, round(0.08 * self.layout.scale))
+        self.draw_on(image).line(list(ends), self._rgb("waiting"), width)
+
+    def paste(
         self, image: Image, sign: Image, x: float, y: float, corner: tuple[float, float]
     ) -> None:
         """Paint a sign around the middle of a cell."""
-        scale = self.layout.scale
+        image.paste(sign, self.position(sign, x, y, corner), None if sign.mode == "RGB" else sign)
+
+    def position(
+        self, sign: Image, x: float, y: float, corner: tuple[float, float]
+    ) -> tuple[int, int]:
+        """The left and upper pixel of a sign around the middle of a cell."""
+        scales = self.layout.scale, self.layout.scale_down
         left, top = (
             round((at + 0.5 - begin) * scale - length / 2)
-            for at, begin, length in zip((x, y), corner, sign.size, strict=True)
+            for at, begin, scale, length in zip((x, y), corner, scales, sign.size, strict=True)
         )
-        if sign.mode == "RGB":
-            image.paste(sign, (left, top))
-        else:
-            image.paste(sign, (left, top), sign)
+        return left, top
 
-    def _sign(self, key: tuple[Any, ...], shapes: tuple[Shape, ...]) -> Image:
+    def sign(self, key: tuple[Any, ...], shapes: tuple[Shape, ...]) -> Image:
         """The sign of a cell or robot, painted once."""
         if key not in self._signs:
             is_cell = key[0] == "look"
@@ -279,15 +338,16 @@ class Painter:
 
     def _painted(self, shapes: tuple[Shape, ...], cells: float, opaque: bool) -> Image:
         """Shapes on a square of `cells` cells, transparent around them unless opaque."""
-        scale = self.layout.scale
-        side = round(cells * scale)
+        scale, stretch = self.layout.scale, self.layout.stretch
+        side = math.ceil(scale) if opaque else round(cells * scale)  # without gaps between cells
         side += 0 if opaque else (side - round(scale)) % 2  # symmetric around the cell
         mode, ground = ("RGB", self._rgb("floor")) if opaque else ("RGBA", (*self._rgb("floor"), 0))
         image = self._pil.Image.new(mode, (side * FINER, side * FINER), ground)
         pen = _Pen(self, image, scale * FINER, (side / scale - 1) / 2)
         for shape in shapes:
             pen.draw(shape)
-        return image.resize((side, side), self._pil.Image.Resampling.BOX)
+        height = side if stretch == 1 else math.ceil(side * stretch)
+        return image.resize((side, height), self._pil.Image.Resampling.BOX)
 
     def _rgb(self, name: str) -> tuple[int, int, int]:
         return rgb(name, self._theme)
@@ -343,7 +403,9 @@ class _Pen:
         colour, draw = self._painter.colour_of(shape), self._draw
         if isinstance(shape, Label):
             font = self._painter.font(max(1, round(shape.size * 1.1 * self._unit)))
-            draw.text((self._at(shape.x), self._at(shape.y)), shape.text, colour, font, "mm")
+            draw.text(
+                (self._at(shape.x), self._at(shape.y)), _ascii(shape.text), colour, font, "mm"
+            )
             return
         line = round(shape.line * self._unit)
         if isinstance(shape, Path):

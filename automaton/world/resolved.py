@@ -142,6 +142,12 @@ class Resolved:
                 names |= dict.fromkeys(cells_of(gate, plan), gate.name)
         return names
 
+    @property
+    def level_corners(self) -> tuple[tuple[str, int], ...]:
+        """The names of levels, and their first cells as flat indices."""
+        levels = self.scenario.floor.levels
+        return tuple((name, self.floor_plan.cell(*one.first)) for name, one in levels.items())
+
     def __reduce__(self) -> Any:
         """Unpickling refines the coarse scenario again: fine values would not pass the checks."""
         if self.coarse is None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import xml.etree.ElementTree as ET
+from collections import Counter
 from dataclasses import replace
 
 import numpy as np
@@ -12,8 +13,14 @@ import pytest
 from automaton.drawings import floor_svg as module
 from automaton.drawings.floor_svg import floor_svg
 from automaton.drawings.looks import DRAW_WAITING, blended, css, rgb
-from automaton.drawings.moment import DrawnFloor, Moment, drawn_floor, moment_of
-from automaton.drawings.shapes import FADED
+from automaton.drawings.moment import (
+    DrawnFloor,
+    Moment,
+    drawn_floor,
+    empty_moment,
+    moment_of,
+)
+from automaton.drawings.shapes import FADED, name_in_cell
 from automaton.engine.state import NIL
 from automaton.runs.simulation import Simulation
 from automaton.world.resolve import resolve
@@ -106,6 +113,30 @@ def test_walls_beside_the_floor_stand_out_from_the_inside_of_blocks() -> None:
     drawn = floor_svg(floor, moment)
     faded = css(blended("wall", "floor", FADED, "light"))
     assert f'fill="{colour("wall")}"' in drawn and f'fill="{faded}"' in drawn
+
+
+def test_doors_lifts_and_closings_have_signs_and_lifts_have_names() -> None:
+    floor = drawn_floor(resolve("bad-day"))
+    drawn = floor_svg(floor, empty_moment())
+    kinds = Counter(kind for kind, _ in floor.places.values())
+    (lines,) = re.findall(rf'stroke="{colour("turntable")}"[^>]* d="([^"]*)"', drawn)
+    assert kinds == {"door": 1, "lift": 3, "closing": 7}
+    assert lines.count("M") == 1 + 3 * 4 + 7 * 2
+    assert re.findall(r">(\d)</text>", drawn) == ["1", "1"]  # of a door, and of a lift only once
+    shut = np.array(list(floor.places), np.int32)
+    crosses = floor_svg(floor, replace(empty_moment(), shut=shut))
+    assert len(boxes(ET.fromstring(crosses), "floor")) == len(boxes(ET.fromstring(drawn), "floor"))
+    assert f'stroke="{colour("fault")}"' in crosses
+
+
+def test_names_of_places_are_written_where_they_are_legible_and_fit() -> None:
+    floor_plan = resolve("tabletop-mini").floor_plan
+    names = {floor_plan.cell(1, 0): "station P3", floor_plan.cell(2, 0): "station reception 4"}
+    names |= {floor_plan.cell(3, 0): "station east", floor_plan.cell(4, 0): "station P2 3"}
+    floor = replace(drawn_floor(resolve("tabletop-mini")), place_names=names)
+    found = [name_in_cell(names, 40) for _, names in floor.places.values()]
+    assert found == ["P3", "4", "east", "P2 3"]
+    assert [name_in_cell(names, 20) for _, names in floor.places.values()] == [""] * 4
 
 
 def test_a_floor_of_many_cells_is_pixels_and_stays_small(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -8,10 +8,11 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Literal
 
 from pseudo_terminal import TRUECOLOR, Replay
 
-from tui.terminal.terminal_host import TerminalHost
+from tui.terminal.terminal_host import TerminalHost, TerminalLink
 
 KEPT = ("PATH", "HOME", "PYTHONPATH", "AUTOMATON_CACHE_DIR", "XDG_CACHE_HOME", "NUMBA_CPU_NAME")
 
@@ -44,10 +45,17 @@ class Session:
 
 @contextmanager
 def automaton(
-    folder: Path, *arguments: str, rows: int = 24, columns: int = 80, **environ: str
+    folder: Path,
+    *arguments: str,
+    rows: int = 24,
+    columns: int = 80,
+    graphics: Literal["", "kitty", "sixel"] = "",
+    link: TerminalLink | None = None,
+    **environ: str,
 ) -> Iterator[Session]:
     kept = {name: os.environ[name] for name in KEPT if name in os.environ}
     variables = {**kept, **TRUECOLOR, "XDG_STATE_HOME": str(folder), **environ}
     command = [sys.executable, "-m", "automaton", *arguments]
-    with TerminalHost(command, rows=rows, columns=columns, environ=variables) as host:
+    size = {"rows": rows, "columns": columns}
+    with TerminalHost(command, **size, environ=variables, link=link, graphics=graphics) as host:  # type: ignore[arg-type]
         yield Session(host)

@@ -113,8 +113,8 @@ class MapApp(App[None]):
     def on_map_view_wheeled(self) -> None:
         self.action_toggle_walk()
 
-    def on_cursor_position(self, _: CursorPosition) -> None:
-        self.clock.answered()
+    def on_cursor_position(self, event: CursorPosition) -> None:
+        self.clock.answered(event.time)
 
     def on_resize(self) -> None:
         self.presenter.terminal_resized()

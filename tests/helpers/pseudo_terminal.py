@@ -23,9 +23,9 @@ from tui.render.styles import Look
 from tui.terminal.options import depth_of, glyphs_of
 from tui.terminal.terminal_host import Resized, TerminalHost, TerminalLink
 
-# Sequences that pyte 0.8 prints as text: kitty's keyboard protocol and questions about modes.
-UNKNOWN_TO_PYTE = re.compile(r"\x1b\[(?:[<>=?][\d;]*u|\?[\d;]*\$p)")
-UNFINISHED = re.compile(r"\x1b(?:\[[\d;?<>=$]*)?\Z")
+# Sequences that pyte 0.8 prints as text: kitty's keyboard protocol, questions about modes, images.
+UNKNOWN_TO_PYTE = re.compile(r"\x1b\[(?:[<>=?][\d;]*u|\?[\d;]*\$p)|\x1b[P_][^\x1b]*\x1b\\")
+UNFINISHED = re.compile(r"\x1b(?:\[[\d;?<>=$]*|[P_][^\x1b]*\x1b?)?\Z")
 TRUECOLOR = {
     "TERM": "xterm-256color",
     "COLORTERM": "truecolor",

@@ -37,6 +37,7 @@ class Pictures:
         self.floors = [floor_of(resolved) for resolved in opening.resolved]
         robots = max(one.scenario.fleet.robots for one in opening.resolved)
         self.camera = Camera(opening.resolved[0].floor_plan, 1, 1, robots)
+        self.in_pixels = False  # not text, and without a minimap
         self._is_compared = opening.comparing and not opening.live
         self.fitted = True  # show the whole floor at any size
         self._corner: tuple[tuple[int, int], Corner] | None = None  # by the size of the map
@@ -156,7 +157,7 @@ class Pictures:
     def corner(self, choice: Choice) -> Corner | None:
         """The minimap, while some of the floor is off the screen."""
         camera = self.camera
-        if not choice.minimap or not camera.exceeds():
+        if self.in_pixels or not (choice.minimap and camera.exceeds()):
             return None
         if self._corner is None or self._corner[0] != (camera.rows, camera.columns):
             self._corner = (camera.rows, camera.columns), _corner(camera)

@@ -29,6 +29,7 @@ class Picture(NamedTuple):
     zoom: Zoom
     look: Look
     glyphs: GlyphSet
+    in_pixels: bool = False  # the map, which is not text
 
 
 @dataclass(frozen=True)

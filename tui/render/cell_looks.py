@@ -7,7 +7,6 @@ a block of dots or a pixel.
 
 from __future__ import annotations
 
-from collections import Counter
 from functools import lru_cache
 from typing import Any, Final
 
@@ -19,6 +18,7 @@ from automaton.drawings.looks import (
     DETAIL_SHIFT,
     KIND_MASK,
     LOOK_COUNT,
+    place_labels,
 )
 from automaton.floor.floor_plan import (
     ALONG_X,
@@ -310,24 +310,12 @@ def empty_floor(
     """(rows, columns, height x width) read-only; cached while the camera stays."""
     looks = floor.looks[seen.top : seen.bottom, seen.left : seen.right]
     codes = cell_codes(glyphs, width, height)[looks]
-    names, stride = floor.place_names, floor.floor_plan.stride
-    numbers = Counter(number_of(name) for name in set(names.values()))
-    for cell, name in names.items():
+    stride = floor.floor_plan.stride
+    for cell, (kind, names) in place_labels(floor.place_names, stride).items():
         y, x = divmod(cell, stride)
         if seen.top <= y < seen.bottom and seen.left <= x < seen.right:
-            kind, number = number_of(name)
-            short = "" if name in (names.get(cell - 1), names.get(cell - stride)) else name
-            choices = [
-                short.partition(" ")[2],
-                number if short and numbers[kind, number] == 1 else "",
-            ]
-            write_name(codes[y - seen.top, x - seen.left], kind, choices, glyphs, width, height)
+            write_name(codes[y - seen.top, x - seen.left], kind, names, glyphs, width, height)
     return codes
-
-
-def number_of(name: str) -> tuple[str, str]:
-    """The kind of a place, and the digits at the end of its name: station and 3 of "station P3"."""
-    return name.partition(" ")[0], name[len(name.rstrip("0123456789")) :]
 
 
 def write_name(
@@ -340,7 +328,7 @@ def write_name(
         cell[at] = code(style(styles.COLOUR_TURNTABLE, styles.COLOUR_FLOOR), signs[kind])
     room = width - 2 if height > 2 else width - 1 - at % width
     short = next((name for name in names if len(name) <= room), "")
-    if kind != "closing" and short:
+    if short:
         at += width - 1 - len(short) // 2 if height > 2 else 0
         dim = style(styles.COLOUR_DIM, styles.COLOUR_FLOOR)
         cell[at + 1 : at + 1 + len(short)] = code(dim, np.array(styles.text(short)))

@@ -89,10 +89,7 @@ def floor_of(resolved: Resolved) -> ShownFloor:
         routing=routing if isinstance(routing, str) else str(routing.get("name", "")),
         type_names=tuple(kind.name for kind in scenario.fleet.types),
         place_names=resolved.place_names,
-        levels=tuple(
-            (name, resolved.floor_plan.cell(*level.first))
-            for name, level in scenario.floor.levels.items()
-        ),
+        levels=resolved.level_corners,
     )
 
 

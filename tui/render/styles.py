@@ -10,7 +10,7 @@ Unicode or in ASCII. Glyphs 32 to 126 are the printable ASCII characters themsel
               H rack  [ dock  t station  T transfer station  p pod  q storage without
               ! battery low  & the same, loaded  C charges  Z battery empty  X broken  * load
 
-No letter has two meanings, here or in drawings (automaton.drawings.shapes.CELL_LETTERS): floors are
+No letter has two meanings, here or in drawings (automaton.drawings.looks.CELL_LETTERS): floors are
 drawn in scenarios with the same letters for chargers, parking bays and stations.
 
 Every character is one column wide. Except for the blocks ▀ ▄ █ ▌, none is "ambiguous" in Unicode's
@@ -109,7 +109,7 @@ class GlyphSet:
     cargo: Final = _shape("▪", "$")  # beside a robot that carries a load
     # Cells.
     floor: Final = ord(".")  # one byte, where ⋅ has three: moving robots uncover much floor
-    wall: Final = _shape("░", "%")
+    wall = _shape("░", "%")
     track: Final = _shapes("╌╎", "-|")  # by axis
     crossing: Final = ord("+")  # of tracks, where no robot turns
     turntable: Final = _shape("◊", "@")  # in the fonts of all systems
@@ -117,14 +117,14 @@ class GlyphSet:
     one_way: Final = _shapes("\u203a⌄\u2039⌃", ")u(n")
     passing: Final = _shape("⇄", ":")
     unlimited: Final = ord("~")  # floor with room for any number of robots
-    shelf: Final = _shape("▯", "#")
+    shelf = _shape("▯", "#")
     load: Final = _shape("▮", "$")  # a shelf that holds a load
-    destination: Final = _shape("⊔", "=")
-    charger: Final = _shape("↯", "c")
-    bay: Final = _shape("▢", "b")
-    rack: Final = _shape("◫", "H")
-    dock: Final = _shape("⊏", "[")
-    station: Final = _shape("⌂", "t")
+    destination = _shape("⊔", "=")
+    charger = _shape("↯", "c")
+    bay = _shape("▢", "b")
+    rack = _shape("◫", "H")
+    dock = _shape("⊏", "[")
+    station = _shape("⌂", "t")
     transfer: Final = _shape("⋈", "T")  # a station between two zones
     pod: Final = _shape("⊓", "p")  # in a storage cell
     storage: Final = _shape("▫", "q")  # without a pod

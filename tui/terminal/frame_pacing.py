@@ -29,6 +29,13 @@ LONG_WAY = 0.150  # seconds of round trip from which only one frame is in flight
 SHORT_WAY = 0.02  # seconds of round trip up to which two large frames may be in flight
 # bytes of a frame from which only one frame is in flight on a longer round trip
 LARGE_FRAME_BYTES = 8192
+# The terminal does not keep up if it needs longer than this for each frame of average size or more, while
+# frames are in flight for this share of the time, in so many windows of measurement in a row. The
+# fastest frame counts, since a busy machine delays some answers, but a slow link delays all.
+KEEPING_UP_S = 0.1
+LATE_SHARE = 0.8
+MAX_LATE_WINDOWS = 3
+BARE_FRAME_BYTES = 512  # up to which the time to the answer is that of the way alone
 QUEUED = 2  # writes that may wait in Textual's writer thread: its queue blocks the program at 30
 LINK_WINDOW_S = 2.0  # seconds over which the link is measured
 
@@ -53,7 +60,7 @@ class FramePacer:
         self._rate = max_kbit * 125.0 if max_kbit else math.inf  # bytes per second
         self._credit = 0.0
         self._credited = 0.0
-        self._under_way: deque[float] = deque()
+        self._under_way: deque[tuple[float, int]] = deque()  # when they were sent, bytes
         self._heard = 0.0
         self._ever_heard = False
         self._answers = True
@@ -62,6 +69,10 @@ class FramePacer:
         self._history: deque[tuple[float, int]] = deque()
         self._sent = self._held = 0
         self._judged = 0.0
+        self._late = 0  # windows of measurement in a row
+        self._passed: list[tuple[int, float]] = []  # bytes and seconds of frames in this window,
+        self._flying = 0.0  # and for how long any was in flight
+        self._way: float | None = None  # seconds from a bare question to its answer
         self.blurred = False
         self.obstructed = False
         self.skipped = 0
@@ -70,6 +81,16 @@ class FramePacer:
     def strained(self) -> bool:
         """The link is at its slowest step: panels should update once a second."""
         return len(self._rungs) > 1 and self._rung == len(self._rungs) - 1
+
+    @property
+    def is_late(self) -> bool:
+        """Whether the terminal has not kept up for some seconds."""
+        return self._late >= MAX_LATE_WINDOWS
+
+    @property
+    def needs_bare_question(self) -> bool:
+        """Whether the next frame should be a question alone, which measures the way."""
+        return self._late > 0 and self._way is None
 
     def interval(self) -> float:
         """Seconds between two frames at present."""
@@ -84,7 +105,8 @@ class FramePacer:
             earned = self._credit + (now - self._credited) * self._rate
             self._credit = min(earned, self._rate / 4)  # a burst of a quarter second
             self._credited = now
-        free = queued <= QUEUED and len(self._under_way) < self._window() and self._credit >= 0
+        window = 1 if self.needs_bare_question else self._window()
+        free = queued <= QUEUED and len(self._under_way) < window and self._credit >= 0
         if not free:
             self._held += 1
             self.skipped += 1
@@ -93,7 +115,7 @@ class FramePacer:
     def sent(self, now: float, size: int, asked: bool = True) -> None:
         """Record a frame of `size` bytes; asked: it ended with a cursor position request."""
         if asked and self._answers:
-            self._under_way.append(now)
+            self._under_way.append((now, size))
         self._last_size = size
         self._credit -= size if self._rate < math.inf else 0
         self._history.append((now, size))
@@ -102,10 +124,12 @@ class FramePacer:
 
     def answered(self, now: float) -> None:
         """Record an answer: the terminal has shown everything before the oldest open request."""
-        self._heard = now
+        heard, self._heard = self._heard, now
         self._ever_heard = self._answers = True
         if self._under_way:
-            sample = now - self._under_way.popleft()
+            sent, size = self._under_way.popleft()
+            sample = now - sent
+            self._pass(size, now - max(sent, heard), with_way=sent >= heard)
             known = not math.isnan(self._round_trip)
             self._round_trip += (sample - self._round_trip) / 4 if known else 0.0
             self._round_trip = self._round_trip if known else sample
@@ -132,9 +156,19 @@ class FramePacer:
         large = self._last_size > LARGE_FRAME_BYTES and not self._round_trip <= SHORT_WAY
         return 1 if self._round_trip > LONG_WAY or large else 2
 
+    def _pass(self, size: int, seconds: float, with_way: bool) -> None:
+        """Record for how long a frame kept the terminal; `with_way`: including the way."""
+        self._flying += seconds
+        if size > BARE_FRAME_BYTES:
+            self._passed.append((size, seconds - (self._way or 0.0) * with_way))
+        elif with_way:
+            self._way = seconds
+
     def _give_up(self, now: float) -> None:
         """After a timeout, stop asking a terminal that never answered; others have only stalled."""
-        if self._under_way and now - max(self._heard, self._under_way[-1]) > ANSWER_TIMEOUT_S:
+        if self._under_way and now - max(self._heard, self._under_way[-1][0]) > ANSWER_TIMEOUT_S:
+            if self._ever_heard:
+                self._pass(self._under_way[-1][1], ANSWER_TIMEOUT_S, with_way=False)
             self._under_way.clear()
             self._answers = self._ever_heard
 
@@ -143,6 +177,12 @@ class FramePacer:
         if now - self._judged < LINK_WINDOW_S:
             return
         due, slower = self._sent + self._held, self._rung + 1
+        if self._passed:  # else a frame is still in flight
+            mean = sum(size for size, _ in self._passed) / len(self._passed)
+            fastest = min(seconds for size, seconds in self._passed if size >= mean)
+            is_late = fastest > KEEPING_UP_S and self._flying > LATE_SHARE * LINK_WINDOW_S
+            self._late = self._late + 1 if is_late else 0
+        self._passed, self._flying, self._way = [], 0.0, None
         if not self._held:
             self._rung = max(0, self._rung - 1)
         elif due >= 10 and slower < len(self._rungs):
@@ -198,9 +238,9 @@ class FrameClock:
             with contextlib.suppress(RuntimeError):  # the program has ended
                 self._loop.call_soon_threadsafe(self._alarm.set)
 
-    def answered(self) -> None:
-        """Record the terminal's answer; call it for each `events.CursorPosition`."""
-        self.pace.answered(asyncio.get_running_loop().time())
+    def answered(self, at: float) -> None:
+        """Record the terminal's answer, read at a time; call it for each `events.CursorPosition`."""
+        self.pace.answered(at)
         if self._waits:
             self._alarm.set()
 
@@ -239,7 +279,7 @@ class FrameClock:
 
     def _frame(self, now: float) -> None:
         with self._presenter.frame() as frame:
-            if self._draw():
+            if self.pace.needs_bare_question or self._draw():
                 frame.acknowledged = True
         self._idle = not frame.acknowledged
         if frame.acknowledged:

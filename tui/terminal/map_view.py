@@ -132,6 +132,7 @@ class MapView(Widget, can_focus=True):
         self._glyphs = glyphs
         presenter.match(look)
         self.shown: Codes | None = None
+        self._below: Callable[[], Codes] | None = None  # makes the text under pixels
         self._strips: list[Strip | None] = []  # by row; None: made on demand
         self._hovered = (-1, -1)
         self._held: tuple[int, int, int] | None = None  # row, column, button
@@ -154,6 +155,7 @@ class MapView(Widget, can_focus=True):
 
     def present(self, codes: Codes) -> None:
         """Show codes of shape (rows, columns), which are copied."""
+        self._below = None
         if self.shown is None or self.shown.shape != codes.shape:
             self.shown = codes.copy()
             self._strips = [None] * len(codes)
@@ -169,6 +171,10 @@ class MapView(Widget, can_focus=True):
         for row in changed:
             self._strips[row] = None
 
+    def cover(self, codes: Callable[[], Codes]) -> None:
+        """Note that pixels cover the map; `codes` makes the text when the compositor needs it."""
+        self._below = codes
+
     def render_lines(self, crop: Region) -> list[Strip]:
         """The rows of `shown`; Textual calls it for repaints, screenshots and mouse positions."""
         strips = [self.render_line(row) for row in range(crop.y, crop.bottom)]
@@ -179,6 +185,9 @@ class MapView(Widget, can_focus=True):
 
     def render_line(self, y: int) -> Strip:
         """One row, cached until it changes."""
+        if self._below is not None:
+            self.shown, self._below = self._below().copy(), None
+            self._strips = [None] * len(self.shown)
         if self.shown is None or y >= len(self._strips):
             return Strip.blank(self.size.width, self._look.rich(0))
         strip = self._strips[y]
@@ -318,12 +327,19 @@ class Presenter:
         self.obstructed = region is None or (region.height, region.width) != new.shape
         if region is None or self.obstructed:
             return False
-        piece = encode(new, old, view.look, view.glyphs, top=region.y, left=region.x)
+        self.add(encode(new, old, view.look, view.glyphs, top=region.y, left=region.x))
+        return True
+
+    def uncovered(self, view: MapView) -> Region | None:
+        """The region of a map on the screen, or None if anything covers it or nothing may be drawn."""
+        return None if self.why_not else self._free_region(view)
+
+    def add(self, piece: str) -> None:
+        """Write sequences with the present frame, if any."""
         if self._frame is not None:
             self._frame.pieces.append(piece)
         else:
             self._write(TerminalFrame([piece]))
-        return True
 
     @contextmanager
     def frame(self) -> Iterator[TerminalFrame]:
@@ -363,7 +379,7 @@ class Presenter:
     def _write(self, frame: TerminalFrame) -> None:
         app = self._app
         body = "".join(frame.pieces)
-        if not (body or frame.acknowledged) or not app.is_running:
+        if not (body or frame.acknowledged) or not (app.is_running or app._exit):
             return
         text = f"{SAVE_CURSOR}{body}{RESTORE_CURSOR}" if body else ""
         if body and app._sync_available:
@@ -414,7 +430,7 @@ class Presenter:
             return "no terminal of its own"
         try:
             app.screen._compositor.visible_widgets.items()
-            _ = app._batch_count + 0, app._sync_available, driver.write
+            _ = app._batch_count + 0, app._sync_available, driver.write, App._display, app._exit
             if not app.is_web:
                 driver._writer_thread._queue.qsize()
         except AttributeError as error:

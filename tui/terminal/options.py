@@ -6,12 +6,14 @@ The file is `viewer.toml` in the user's folder for settings. The viewer writes i
     speed = 4           # or "max"
     panels = "side"     # off, side or full
     panel = "events"    # the open one
+    pixels = "auto"     # or off, kitty, sixel; the viewer never writes this one
 """
 
 from __future__ import annotations
 
 import argparse
 import contextlib
+import importlib.util
 import json
 import math
 import tomllib
@@ -26,6 +28,8 @@ from automaton.errors import InputError, nearest
 from tui.render.styles import ASCII, DEPTHS, SHADED, UNICODE, Depth, GlyphSet, Theme
 
 Renderer = Literal["auto", "direct", "textual"]  # how maps reach the terminal
+Pixels = Literal["auto", "off", "kitty", "sixel"]  # how maps are images
+PIXELS: Final = ("auto", "off", "kitty", "sixel")
 
 SPEEDS: Final = (0.25, 0.5, 1.0, 2.0, 4.0, 8.0, 16.0, 32.0, 64.0, math.inf)  # faster, slower
 
@@ -56,6 +60,7 @@ class Options:
     color: str = "auto"  # or a key of tui.render.styles.DEPTHS
     theme: Theme | Literal["auto"] = "dark"  # auto: as the background of the terminal
     max_kbit: float | None = None
+    pixels: Pixels | None = None  # None: as in the settings, else auto
     plain: bool = False
     panels: str = "side"  # at the start: off, side or full,
     panel: str = ""  # and which one is open; "": the first
@@ -89,6 +94,27 @@ class Options:
         bare = glyphs is UNICODE and self.depth(environ) == Depth.NONE
         return SHADED if bare else glyphs
 
+    def shown_pixels(self, environ: Mapping[str, str]) -> Pixels:
+        """How maps are images; "off" where that cannot be. Raises InputError without Pillow.
+
+        Multiplexers show no images, and Apple's terminal prints the question for them.
+        """
+        wanted = self.pixels or "auto"
+        if wanted == "off" or environ.get("TEXTUAL_DRIVER"):  # in a browser
+            return "off"
+        if importlib.util.find_spec("PIL") is None:
+            if wanted != "auto":
+                raise InputError(
+                    f"--pixels {wanted} needs Pillow: leave the option out, or "
+                    "pip install 'fleet-automaton[films]'"
+                )
+            return "off"
+        term = environ.get("TERM", "").startswith(("screen", "tmux"))
+        multiplexed = environ.get("TMUX") or environ.get("STY") or term
+        apple = environ.get("TERM_PROGRAM") == "Apple_Terminal"
+        plain = self.glyphs(environ) is ASCII or self.depth(environ) == Depth.NONE
+        return "off" if wanted == "auto" and (multiplexed or apple or plain) else wanted
+
     def for_textual(self, environ: Mapping[str, str]) -> dict[str, str]:
         """Variables that Textual reads on import, so that its colours match those of the map.
 
@@ -108,6 +134,7 @@ SETTINGS: Final[
     "speed": ('a speed such as 2, or "max"', lambda value: value == "max" or value in SPEEDS),
     "panels": ("off, side or full", lambda value: value in ("off", "side", "full")),
     "panel": ("the name of a panel", lambda value: isinstance(value, str)),
+    "pixels": ("auto, off, kitty or sixel", lambda value: value in PIXELS),
 }
 
 
@@ -138,6 +165,8 @@ def with_settings(options: Options, settings: Mapping[str, Any]) -> Options:
     chosen = dict(settings)
     if options.theme != "auto":
         chosen.pop("theme", None)
+    if options.pixels is not None:
+        chosen.pop("pixels", None)
     if options.speed is not None:
         chosen.pop("speed", None)
     elif chosen.get("speed") == "max":

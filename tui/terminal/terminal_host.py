@@ -24,6 +24,7 @@ from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from types import TracebackType
+from typing import Literal
 
 LINK_PIECE_BYTES = 512  # bytes that a slow link carries in one piece
 QUESTIONS = {
@@ -31,6 +32,13 @@ QUESTIONS = {
     b"\x1b[c": b"\x1b[?62c",  # what kind are you?
     b"\x1b[?2026$p": b"\x1b[?2026;2$y",  # do you know synchronized output?
 }
+# Further answers of terminals that show images.
+GRAPHICS: dict[str, dict[bytes, bytes]] = {
+    "": {},
+    "kitty": {b"\x1b_Gi=31,s=1,v=1,a=q,t=d,f=24;AAAA\x1b\\": b"\x1b_Gi=31;OK\x1b\\"},
+    "sixel": {b"\x1b[c": b"\x1b[?62;4;22c"},
+}
+CHARACTER = 8, 16  # its width and height in pixels, where images are shown
 FRAME_END = b"\x1b[6n"  # the query that ends each frame of the viewer
 
 
@@ -87,13 +95,15 @@ class TerminalHost:
         link: TerminalLink | None = None,
         synchronized: bool = True,
         answers: bool = True,
+        graphics: Literal["", "kitty", "sixel"] = "",
     ) -> None:
         self.rows, self.columns = rows, columns
         self.history: list[Arrived | Resized] = []
         self.max_backlog = 0  # maximum of bytes that waited for the link,
         self.max_frames = 0  # and of frames that had not passed it completely
         self._link = link or TerminalLink()
-        questions = QUESTIONS if answers else {}
+        self._character = CHARACTER if graphics else (0, 0)
+        questions = {**QUESTIONS, **GRAPHICS[graphics]} if answers else {}
         self._answers = [
             (MarkerCount(question), answer)
             for question, answer in questions.items()
@@ -283,6 +293,7 @@ class TerminalHost:
                     os.write(self._terminal, keys)
 
     def _tell_size(self) -> None:
-        size = struct.pack("HHHH", self.rows, self.columns, 0, 0)
+        wide, high = self._character
+        size = struct.pack("HHHH", self.rows, self.columns, self.columns * wide, self.rows * high)
         with contextlib.suppress(OSError):
             fcntl.ioctl(self._terminal, termios.TIOCSWINSZ, size)

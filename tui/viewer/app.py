@@ -9,6 +9,7 @@ from functools import partial
 from inspect import isawaitable
 from typing import TYPE_CHECKING, Any, ClassVar
 
+from rich.console import RenderableType
 from rich.segment import Segment
 from textual import events
 from textual.app import App, ComposeResult, SystemCommand
@@ -139,10 +140,12 @@ class Viewer(App[None]):
         self.screen.add_class("-panels-side")
         self.main_display.maps[0].focus()
         self.loop = asyncio.get_running_loop()
+        self.main_display.pixels.ask()  # before the first picture, which covers what it may print
         self.main_display.frames.start()
         self.call_after_refresh(self._begin)
 
     def on_unmount(self) -> None:
+        self.main_display.pixels.end()
         self.main_display.frames.stop()
         if self.reloading is not None:
             self.reloading.close()
@@ -230,8 +233,19 @@ class Viewer(App[None]):
         if self.screen_stack and widget.screen is self.screen:  # it may have ended
             widget.focus()
 
-    def on_cursor_position(self) -> None:
-        self.main_display.frames.answered()
+    def _display(self, screen: Screen[Any], renderable: RenderableType | None) -> None:
+        """Write an update of the compositor, which may cover a map in pixels or replace it."""
+        super()._display(screen, renderable)
+        written = renderable is not None and not self._batch_count and self.screen_stack
+        if written and self.main_display.pixels.painted_over(renderable):
+            self.main_display.changed()
+
+    def on_cursor_position(self, event: events.CursorPosition) -> None:
+        self.main_display.frames.answered(event.time)
+
+    def on_terminal_answer(self, answer: Any) -> None:
+        if self.main_display.pixels.answered(answer.text):
+            self.main_display.changed()
 
     def on_app_blur(self) -> None:
         self.main_display.frames.pace.blurred = True

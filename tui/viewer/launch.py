@@ -67,6 +67,7 @@ def show(opening: Opening, options: Options) -> int:
     if not _in_browser():
         settings = read_settings(path)
     options = fitting_terminal(with_settings(options, settings))
+    options = replace(options, pixels=options.shown_pixels(os.environ))
     os.environ.update(options.for_textual(os.environ))
     if not _in_browser():
         forget_size(os.environ)

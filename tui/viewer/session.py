@@ -13,8 +13,9 @@ import os
 import threading
 from collections.abc import Awaitable, Callable, Iterator, Sequence
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final, NamedTuple, Protocol
+from typing import TYPE_CHECKING, Any, Final, Protocol
 
 import numpy as np
 from textual.app import App
@@ -34,8 +35,10 @@ from tui.render.styles import Codes, Look
 from tui.terminal.frame_pacing import FrameClock, FramePacer
 from tui.terminal.map_view import MapView, Presenter
 from tui.terminal.options import Options
+from tui.terminal.pixel_map import PixelScreen
 from tui.widgets.legend_panel import floor_legend
 from tui.widgets.status import (
+    Notice,
     Word,
     WordLine,
     choice_words,
@@ -45,7 +48,7 @@ from tui.widgets.status import (
     fleet_words,
     going_words,
     head_words,
-    legend_words,
+    hint_words,
     link_words,
     long_tick_words,
     mode_word,
@@ -223,10 +226,11 @@ class Session:
         from tui.playback.panel_view import Picture, View
 
         assert self.playback is not None
-        choice = self.choice
+        choice, pictures = self.choice, self.pictures
         side = choice.side
         robot = choice.robot if choice.robot < len(self.playback.snapshots[side].robots) else NIL
-        picture = Picture(self.scene(), self.pictures.camera.zoom, self.look, self.glyphs)
+        drawn = (pictures.camera.zoom, self.look, self.glyphs, pictures.in_pixels)
+        picture = Picture(self.scene(), *drawn)
         chosen = (robot, choice.cell, choice.layer, side, choice.zone, picture)
         return View(self.playback, self.playback.runs, *chosen)
 
@@ -305,6 +309,7 @@ class Display:
         options, opening = session.options, session.opening
         self._session = session
         self.presenter = Presenter(app, options.renderer)
+        self.pixels = PixelScreen(self.presenter, options.pixels or "off")
         pacer = FramePacer(options.fps, options.max_kbit)
         self.frames = FrameClock(self.presenter, self.draw, pacer)
         self.maps = [self._made(MapView, f"map-{n}") for n in range(len(opening.resolved))]
@@ -375,6 +380,9 @@ class Display:
         if failed := failure():
             self._leave_failed_layer()
             self.notices.say_switched_off(failed)
+        if why := self.pixels.leave(self.frames.pace.is_late):
+            self.notices.say(why, "warning")
+            self.changed()
         return drawn or is_said
 
     def _leave_failed_layer(self) -> None:
@@ -419,9 +427,16 @@ class Display:
 
     def _draw_maps(self) -> bool:
         drawn = self._stale = False
+        pictures, theme = self._session.pictures, self._session.look.theme
         for side, view in enumerate(self.maps):
-            rows, columns = view.size.height, view.size.width
-            if not rows or not columns or not view.is_on_screen:
+            if not view.size.height or not view.size.width or not view.is_on_screen:
+                continue
+            shown = (self._session.scene(side), pictures.camera, theme)
+            written = self.pixels.present(view, *shown, self._has_card(side))
+            pictures.in_pixels = written is not None
+            if written is not None:
+                view.cover(partial(self.codes_of, side))
+                drawn |= written
                 continue
             codes = self.codes_of(side)
             if view.shown is None or not np.array_equal(codes, view.shown):
@@ -435,17 +450,22 @@ class Display:
         camera = session.pictures.camera
         rows, columns = size.height or camera.rows, size.width or camera.columns
         codes = session.pictures.picture(session.scene(side), session.choice, rows, columns)
-        if side != session.choice.side:
-            return codes
-        playback = session.playback
-        if playback is None or playback.failed or not playback.ended(side):
-            session.choice.card = True  # at the end
-        elif session.choice.card:
+        if self._has_card(side):
             from tui.widgets.end_card import draw_end_card
 
             fixed = session.opening.comparing or session.options.read_only
             draw_end_card(codes, session.view(), session.is_whole(side), not fixed)
         return codes
+
+    def _has_card(self, side: int) -> bool:
+        """Whether the result of a run is shown on its map."""
+        playback, choice = self._session.playback, self._session.choice
+        if side != choice.side:
+            return False
+        if playback is None or playback.failed or not playback.ended(side):
+            choice.card = True  # at the end
+            return False
+        return choice.card
 
     def _update_texts(self) -> bool:
         """Update lines and panels if they are stale and due; returns whether a line changed."""
@@ -461,12 +481,12 @@ class Display:
     def _update_lines(self) -> bool:
         session = self._session
         playback, choice = session.playback, session.choice
-        right = scale_words(session.scene(), session.glyphs)
+        scene = session.scene()
+        right = scale_words(scene, session.glyphs)
         right += link_words(self.frames.figures()) if self.link_shown else []
         changed: bool = self.info.set_words(self._message(), right)
         if playback is None:
-            compiling = COMPILING.now()
-            building = compiling.words if compiling else "the world is being built ..."
+            building = getattr(COMPILING.now(), "words", "the world is being built ...")
             state = "cannot run" if session.error else building
             changed |= self.status.set_words([word(state, styles.COLOUR_DIM)])
             return changed
@@ -475,7 +495,7 @@ class Display:
         chosen = choice_words(choice.robot, choice.following, choice.laid)
         mode, figures = self.mode(playback), playback.figures[choice.side]
         room = self.status.size.width - columns_of([*words, *chosen, mode, word("")])
-        words += fleet_words(session.scene(), figures, session.glyphs, room) + chosen
+        words += fleet_words(scene, figures, session.glyphs, room, not playback.playing) + chosen
         changed |= self.status.set_words(words, [mode])
         changed |= self.timeline.set_content(self._past(playback))
         changed |= self.show_titles()
@@ -540,10 +560,8 @@ class Display:
             return [word(describe(session.scene(), choice.cell))]
         if session.divergence is not None:
             return [word(session.divergence.text, styles.COLOUR_TEXT, "next_difference")]
-        zoom = session.pictures.camera.zoom
-        signs = floor_legend(session.scene().floor, zoom, session.glyphs)
-        hint = word("ctrl+p all commands", styles.COLOUR_DIM, "command_palette")
-        return [hint, *legend_words(signs, 2)]
+        zoom, in_pixels = session.pictures.camera.zoom, session.pictures.in_pixels
+        return hint_words(floor_legend(session.scene().floor, zoom, session.glyphs, in_pixels))
 
     def _update_panels(self, now: float) -> None:
         session, pause = self._session, STRAINED_S if self.frames.pace.strained else PANELS_S
@@ -552,24 +570,12 @@ class Display:
         choice, pictures = session.choice, session.pictures
         chosen = (choice.robot, choice.cell, choice.zone, choice.layer, choice.least, choice.side)
         looks = (choice.colouring, choice.trails, choice.lines)
-        drawn = (session.look, pictures.camera.zoom, pictures.glyphs)
+        drawn = (session.look, pictures.camera.zoom, pictures.glyphs, pictures.in_pixels)
         know = (session.playback, chosen, looks, drawn)
         if self._panels_know == know or not self.column.is_on_screen:
             return
         self._panels_at, self._panels_know = now, know
         self.column.show(session.view())
-
-
-# Messages to the user: short ones above the status line, long ones over the map.
-
-
-class Notice(NamedTuple):
-    """A message above the status line, with the conditions that end it."""
-
-    words: Word
-    until: float
-    layer: str | None = None  # it ends when another layer is shown
-    robot: int | None = None  # or another robot selected
 
 
 class Notices:

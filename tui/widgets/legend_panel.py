@@ -66,6 +66,24 @@ FAR_STATES = (
 )
 
 
+class PictureGlyphs(GlyphSet):
+    """Signs of cells as in pictures in pixels: letters and blocks of colour."""
+
+    destination, charger, bay, dock, station = (
+        ord(looks.CELL_LETTERS[one]) for one in looks.LETTERED_KINDS
+    )
+    wall = shelf = rack = GlyphSet.full
+
+
+AS_IN_PICTURES = PictureGlyphs("unicode", styles.UNICODE.characters, shaded=False)
+
+
+def signs_of(zoom: Zoom, glyphs: GlyphSet, in_pixels: bool) -> tuple[Zoom, GlyphSet]:
+    """The zoom and the glyphs of the legend of a map."""
+    lettered = in_pixels and zoom.kind == "cells" and zoom.width > 1
+    return (ZOOM_ONE_TO_ONE, AS_IN_PICTURES) if lettered else (zoom, glyphs)
+
+
 class Legend(TextPanel):
     """The panel of the legend."""
 
@@ -73,7 +91,8 @@ class Legend(TextPanel):
         picture = view.picture
         if picture is None:
             return []
-        entries = legend(picture.scene, picture.zoom, picture.glyphs)
+        zoom, glyphs = signs_of(picture.zoom, picture.glyphs, picture.in_pixels)
+        entries = legend(picture.scene, zoom, glyphs)
         heat = heat_codes(picture.glyphs)[1:].tolist()
         below = [
             LegendLine((), "timeline: deliveries and events over time"),
@@ -363,11 +382,14 @@ def _overlays(scene: Scene, zoom: Zoom, glyphs: GlyphSet) -> list[LegendLine]:
 
 
 @lru_cache(maxsize=8)
-def floor_legend(floor: ShownFloor, zoom: Zoom, glyphs: GlyphSet) -> list[LegendLine]:
+def floor_legend(
+    floor: ShownFloor, zoom: Zoom, glyphs: GlyphSet, in_pixels: bool
+) -> list[LegendLine]:
     """The cells of a floor for a single line, whose height drawings do not exceed.
 
     The best known are last.
     """
+    zoom, glyphs = signs_of(zoom, glyphs, in_pixels)
     if zoom.kind != "cells":
         return _far_cells(Scene(floor), dots(1), glyphs)
     step = SMALL_SAMPLE if zoom.is_drawn else ZOOM_ONE_TO_ONE

@@ -161,14 +161,19 @@ def columns_of(words: Sequence[Word]) -> int:
 def _fitting(
     left: Sequence[Word], right: Sequence[Word], width: int
 ) -> tuple[list[Word], list[Word]]:
-    """The words that fit; the highest rank is omitted first."""
-    kept, end = list(left), list(right)
-    while columns_of(kept) + (columns_of(end) + WORD_GAP if end else 0) > width:
-        least = max((*kept, *end), key=lambda one: one.rank)
-        if not least.rank:
-            break
-        (kept if least in kept else end).remove(least)
-    return kept, end
+    """The words that fit, the lowest rank first; words of rank 0 are always kept."""
+    both = [*left, *right]
+    used, kept = -WORD_GAP, set()
+    for at in sorted(range(len(both)), key=lambda at: both[at].rank):
+        wide = len(both[at].glyphs) + WORD_GAP
+        if not both[at].rank or used + wide <= width:
+            used += wide
+            kept.add(at)
+    words = [
+        [both[at] for at in part if at in kept]
+        for part in (range(len(left)), range(len(left), len(both)))
+    ]
+    return words[0], words[1]
 
 
 # The status line.
@@ -244,16 +249,21 @@ def end_of(playback: PlaybackState, side: int, recorded: bool, whole: bool) -> s
     return "ended" if recorded else "limit reached"
 
 
-def fleet_words(scene: Scene, figures: RunFigures, glyphs: GlyphSet, room: int) -> list[Word]:
+def fleet_words(
+    scene: Scene, figures: RunFigures, glyphs: GlyphSet, room: int, is_still: bool
+) -> list[Word]:
     """Numbers of robots by their drawn state, of starved robots, and of delivered orders.
 
-    States have words as far as all this fits into `room` columns.
+    States have words as far as all this fits into `room` columns. While the picture `is_still`, states
+    without robots make room for words; else the line would jump.
     """
     said: list[Word] = []
+    done = _done_words(scene, figures)
     for named in NAMED_STATES:
-        said = [*state_words(scene, glyphs, named), *_done_words(scene, figures)]
-        if columns_of(said) <= room:
-            break
+        for zeros in (True, False) if is_still and named else (True,):
+            said = [*state_words(scene, glyphs, named, zeros), *done]
+            if columns_of(said) <= room:
+                return said
     return said
 
 
@@ -274,11 +284,13 @@ def _done_words(scene: Scene, figures: RunFigures) -> list[Word]:
     return said
 
 
-def state_words(scene: Scene, glyphs: GlyphSet, named: Container[int]) -> list[Word]:
+def state_words(
+    scene: Scene, glyphs: GlyphSet, named: Container[int], with_zeros: bool = True
+) -> list[Word]:
     """The number of robots in each drawn state, with its sign and colour; they add up to the fleet.
 
-    Of states that are not `named`, the sign alone is shown. States without robots are shown if any robot
-    of this floor can often be in them, so that the line does not jump.
+    Of states that are not `named`, the sign alone is shown. `with_zeros`: states without robots are
+    shown if any robot of this floor can often be in them, so that the line does not jump.
     """
     robots = drawn.robots_of(scene)
     count = np.bincount(robots.state, minlength=len(looks.STATE_COLOURS))
@@ -286,7 +298,7 @@ def state_words(scene: Scene, glyphs: GlyphSet, named: Container[int]) -> list[W
     said = []
     for state, shape in STATE_SIGNS.items():
         common = state in ALWAYS_SHOWN or (state == looks.DRAW_CHARGING and scene.floor.battery)
-        if count[state] or common:
+        if count[state] or (common and with_zeros):
             name = looks.STATE_COLOURS[state]
             name = _fault_words(scene) if state == looks.DRAW_FAULT else name
             shown = f" {name}" if state in named else ""
@@ -357,6 +369,21 @@ def going_words(begun: int, tick: int, goal: int) -> str:
 def stuck_words(begun: int) -> str:
     """Why a run has stopped: a deadlock that it can only repeat."""
     return f"deadlock since tick {begun:,} can only repeat: d goes to its beginning"
+
+
+class Notice(NamedTuple):
+    """A message above the status line, with the conditions that end it."""
+
+    words: Word
+    until: float
+    layer: str | None = None  # it ends when another layer is shown
+    robot: int | None = None  # or another robot selected
+
+
+def hint_words(signs: Sequence[tuple[tuple[tuple[int, ...], ...], str]]) -> list[Word]:
+    """Where all commands are, and a legend of the signs on the map."""
+    hint = word("ctrl+p all commands", styles.COLOUR_DIM, "command_palette")
+    return [hint, *legend_words(signs, 2)]
 
 
 def legend_words(

@@ -115,7 +115,8 @@ function drawCell(ctx, look, x, y, size) {
     ctx.globalAlpha = 0.55;
     ctx.fillRect(x + size * 0.06, y + size * 0.06, size * 0.88, size * 0.88);
     ctx.globalAlpha = 1;
-    if (size >= 14 && film.letters[kind]) letter(ctx, ...middle, size, film.letters[kind]);
+    ctx.fillStyle = colours().text;
+    if (size >= 14 && film.letters[kind]) word(ctx, ...middle, size * 0.45, film.letters[kind]);
   }
 }
 
@@ -142,9 +143,8 @@ function ring(ctx, x, y, r) {
   ctx.stroke();
 }
 
-function letter(ctx, x, y, size, text) {
-  ctx.fillStyle = colours().text;
-  ctx.font = `${Math.round(size * 0.45)}px system-ui, sans-serif`;
+function word(ctx, x, y, high, text) {
+  ctx.font = `${Math.round(high)}px system-ui, sans-serif`;
   ctx.textAlign = "center";
   ctx.textBaseline = "middle";
   ctx.fillText(text, x, y);
@@ -182,12 +182,25 @@ function drawFloor(ctx, width, height) {
   }
 }
 
+function cellSeen(cell, width, height) {
+  const x = ((cell % film.stride) - 1 - left) * scale, y = (Math.floor(cell / film.stride) - 1 - top_) * scale;
+  return x < -scale || y < -scale || x > width || y > height ? null : [x, y];
+}
+
 function cellsSeen(kind, width, height, paint) {
   const k = tickNow();
   for (const [cell, changes] of changing[kind]) {
-    const x = ((cell % film.stride) - 1 - left) * scale, y = (Math.floor(cell / film.stride) - 1 - top_) * scale;
-    if (x < -scale || y < -scale || x > width || y > height) continue;
-    if (isThere(changes, k)) paint(x, y);
+    const place = cellSeen(cell, width, height);
+    if (place && isThere(changes, k)) paint(...place);
+  }
+}
+
+// Signs of doors, lifts and closings, and names.
+function drawPlaces(ctx, width, height) {
+  if (scale < film.detailed) return;
+  for (const [cell, shapes] of film.places) {
+    const place = cellSeen(cell, width, height);
+    if (place) for (const shape of shapes) drawShape(ctx, ...place, scale, shape);
   }
 }
 
@@ -228,8 +241,12 @@ function drawSmallRobot(ctx, x, y, size, shapes) {
 }
 
 function drawShape(ctx, x, y, size, [kind, colour, width, ...at]) {
-  const [a, b, c, d] = at.map((length) => length * size);
+  const [a, b, c, d, ...rest] = at.map((length) => length * size);
   ctx.fillStyle = ctx.strokeStyle = colours()[colour];
+  if (kind === "word") {
+    if (c >= film.legible) word(ctx, x + a, y + b, c, width);
+    return;
+  }
   ctx.lineWidth = width * size;
   ctx.beginPath();
   if (kind === "box") ctx.rect(x + a, y + b, c, d);
@@ -237,6 +254,7 @@ function drawShape(ctx, x, y, size, [kind, colour, width, ...at]) {
   else {
     ctx.moveTo(x + a, y + b);
     ctx.lineTo(x + c, y + d);
+    for (let at = 0; at < rest.length; at += 2) ctx.lineTo(x + rest[at], y + rest[at + 1]);
   }
   if (width) ctx.stroke(); else ctx.fill();
 }
@@ -497,6 +515,7 @@ function draw() {
   ctx.fillStyle = colours().void;
   ctx.fillRect(0, 0, width, height);
   drawFloor(ctx, width, height);
+  drawPlaces(ctx, width, height);
   drawLoads(ctx, width, height);
   drawShut(ctx, width, height);
   drawWait(ctx);

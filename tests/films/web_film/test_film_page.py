@@ -139,6 +139,18 @@ def test_a_closed_cell_is_closed_for_its_time(tmp_path: Path) -> None:
     assert column(film, "gates", 2).T.tolist() == [[10, cell], [30, cell]]
 
 
+def test_doors_lifts_and_closings_are_places_with_signs(tmp_path: Path) -> None:
+    film = film_of(page(recorded(tmp_path / "bad.rec", "bad-day", until=5)))
+    names = resolve("bad-day").place_names
+    assert [cell for cell, _ in film["places"]] == list(names)
+    words = {
+        names[cell]: [s[2] for s in shapes if s[0] == "word"] for cell, shapes in film["places"]
+    }
+    assert words["door 1"] == ["1"] and {word for one in words.values() for word in one} == {"1"}
+    lines = {names[cell]: sum(s[0] == "line" for s in shapes) for cell, shapes in film["places"]}
+    assert lines["lift 1"] == 4 and lines["door 1"] == 1
+
+
 def test_a_move_of_several_ticks_goes_from_cell_to_cell_in_equal_steps(tmp_path: Path) -> None:
     slow = recorded(tmp_path / "slow.rec", "crossing", "durations.move=4", until=60)
     film = film_of(page(slow))

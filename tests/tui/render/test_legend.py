@@ -111,7 +111,7 @@ def test_a_line_shows_a_row_of_drawn_cells_and_what_is_least_known_first():
     steps = {step.name: step for step in LADDER}
     texts = {}
     for zoom in ("8x4", "1x1", "braille 1"):
-        words = legend_words(floor_legend(floor, steps[zoom], UNICODE), 0)
+        words = legend_words(floor_legend(floor, steps[zoom], UNICODE, False), 0)
         texts[zoom] = [word.text for word in words]
     assert texts["8x4"][:3] == [
         *("⢰⊟⠒⡆ door that is shut", "⋂ door that is open", "⢰⠒⠒⡆ empty shelf")
@@ -119,6 +119,20 @@ def test_a_line_shows_a_row_of_drawn_cells_and_what_is_least_known_first():
     assert texts["1x1"][:3] == ["⊟ door that is shut", "⋂ door that is open", "▯ empty shelf"]
     assert {"wall", "floor"} == {text.split()[-1] for text in texts["8x4"][-2:]}
     assert "⣿ shelf" in texts["braille 1"]
+
+
+def test_the_legend_of_a_map_in_pixels_has_the_letters_of_pictures() -> None:
+    floor_plan = drawn("s..\n#.d\n...")
+    floor = make_scene(floor_plan).floor
+    steps = {step.name: step for step in LADDER}
+    found = {
+        zoom: {
+            word.text for word in legend_words(floor_legend(floor, steps[zoom], UNICODE, True), 0)
+        }
+        for zoom in ("8x4", "1x1")
+    }
+    assert {"d destination", "█ empty shelf"} <= found["8x4"]
+    assert {"⊔ destination", "▯ empty shelf"} <= found["1x1"]  # cells too small for letters
 
 
 def test_pictures_in_the_legend_are_not_larger_than_many_need():

@@ -13,7 +13,7 @@ from automaton.floor.drawn_floors import draw_floor
 from automaton.world.building import roads_of, service_zones_of
 from strategies.zoning.design_files import read_design
 from strategies.zoning.service_zone_lines import ways_of
-from tui.layers.service_zones import (
+from tui.layers.zones import (
     SHARED_TINTS_TEXT,
     design_key,
     service_zone_tints,

@@ -8,7 +8,7 @@ from itertools import combinations, pairwise
 import numpy as np
 import pytest
 
-from automaton.drawings.shapes import CELL_LETTERS
+from automaton.drawings.looks import CELL_LETTERS
 from tui.render import styles
 from tui.render.cell_looks import TINT_CODES
 from tui.render.styles import (

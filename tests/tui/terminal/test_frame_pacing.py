@@ -194,7 +194,7 @@ def run_clock(
 
     async def run() -> None:
         clock = FrameClock(screen, drawn, FramePacer(fps))  # type: ignore[arg-type]
-        screen.answer = clock.answered
+        screen.answer = lambda: clock.answered(loop.time())
         clock.start()
         for wake in wakes:
             loop.call_at(wake, clock.wake)

@@ -30,7 +30,15 @@ from tui.render.scene import Scene, floor_of
 from tui.render.styles import ASCII
 from tui.widgets import metrics_panel
 from tui.widgets.metrics_panel import Figures
-from tui.widgets.status import NAMED_STATES, Word, _fitting, fleet_words, state_words, time_words
+from tui.widgets.status import (
+    NAMED_STATES,
+    Word,
+    _fitting,
+    fleet_words,
+    state_words,
+    time_words,
+    word,
+)
 from tui.widgets.why_panel import CAUSE_LETTERS
 
 
@@ -87,7 +95,7 @@ def test_the_status_line_says_so_where_there_is_no_room_for_the_panel() -> None:
     view = moment(700, "tabletop-1", "fleet.robots=5", "strategy.right_of_way=wait")
     playback = replace(view.playback, playing=1, achieved=40.0, asked=40.0, ends=(None,))
     words = time_words(playback, 0, 4.0, Unit(1.0, "cycle"), ASCII)
-    words += fleet_words(scene_in(view), playback.figures[0], ASCII, room=40)
+    words += fleet_words(scene_in(view), playback.figures[0], ASCII, 40, False)
     said_words, _ = _fitting(words[1:], [Word((), rank=5)], 78)
     told = "  ".join(one.text for one in said_words)
     assert "4 starved  jam 4" in told and "0/50 delivered" not in told and "delivered" in told
@@ -95,7 +103,7 @@ def test_the_status_line_says_so_where_there_is_no_room_for_the_panel() -> None:
     calm = busy()
     assert not any(
         one.text.startswith("jam") or one.text.endswith("starved")
-        for one in fleet_words(scene_in(calm), calm.playback.figures[0], ASCII, room=40)
+        for one in fleet_words(scene_in(calm), calm.playback.figures[0], ASCII, 40, False)
     )
 
 
@@ -105,16 +113,27 @@ def test_the_states_in_the_status_line_add_up_to_the_fleet() -> None:
     assert [one.text for one in words] == ["▸1 loaded", "▹1 empty", "▹0 waiting", "⊚1 idle"]
     long, short, least = (  # where two signs are alike, a word stays as long as it fits
         " ".join(
-            one.text for one in fleet_words(scene_in(view), view.playback.figures[0], ASCII, room)
+            one.text
+            for one in fleet_words(scene_in(view), view.playback.figures[0], ASCII, room, False)
         )
         for room in (57, 56, 38)
     )
     assert long == "▸1 loaded ▹1 empty ▹0 waiting ⊚1 idle 7/460 delivered"
     assert short == "▸1 ▹1 ▹0 waiting ⊚1 7/460 delivered"
     assert least == "▸1 ▹1 ▹0 ⊚1 7/460 delivered"
+    paused = fleet_words(scene_in(view), view.playback.figures[0], ASCII, 45, True)
+    assert " ".join(one.text for one in paused) == "▸1 loaded ▹1 empty ⊚1 idle 7/460 delivered"
     stuck = moment(700, "tabletop-1", "fleet.robots=5", "strategy.right_of_way=wait")
-    words = fleet_words(scene_in(stuck), stuck.playback.figures[0], ASCII, room=82)
+    words = fleet_words(scene_in(stuck), stuck.playback.figures[0], ASCII, 82, False)
     assert [one.text for one in words][2::2][:2] == ["▹3 waiting", "▹2 in a wait cycle"]
+
+
+def test_a_short_word_stays_where_a_better_one_does_not_fit() -> None:
+    words = [word("first"), word("rather long", rank=2), word("last", rank=3)]
+    assert _fitting(words, [word("end", rank=1)], 16) == (
+        [words[0], words[2]],
+        [word("end", rank=1)],
+    )
 
 
 def test_the_panel_says_where_the_time_went_as_the_report_does() -> None:
@@ -273,14 +292,14 @@ def test_a_click_explains_a_cause_and_a_share() -> None:
         assert isinstance(figures, Figures)
         figures.show(busy())
         await pilot.pause()
-        for word, meaning in (
+        for term, meaning in (
             ("working ahead", "another robot holds the next cell while it works there"),
             ("utilization", METRIC_CATALOGUE["utilization"][1]),
         ):
             assert meaning not in " ".join(said(figures))
-            await click(pilot, figures, word)
+            await click(pilot, figures, term)
             assert meaning in " ".join(" ".join(said(figures)).split())
-            await click(pilot, figures, word)
+            await click(pilot, figures, term)
             assert meaning not in " ".join(" ".join(said(figures)).split())
 
     run_in_harness(Figures(), story, WIDE, 80)

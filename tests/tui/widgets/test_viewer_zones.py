@@ -22,7 +22,7 @@ from automaton.runs.simulation import Simulation
 from automaton.world.resolve import resolve
 from strategies.routing.astar import FIFO, LARGER_G, TIES
 from tui.layers.astar_paths import Paths, driven, explored, ties_of
-from tui.layers.traffic_zones import tints_of
+from tui.layers.zones import tints_of
 from tui.playback.film import Request, make_picture
 from tui.playback.panel_view import View
 from tui.playback.playback_state import Overlays

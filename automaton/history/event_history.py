@@ -25,7 +25,8 @@ EVENT_FIELDS = 5
 MAX_EVENTS: Final = 500_000  # 10 MB
 MAX_TICKS_KEPT: Final = 1000  # of deadlocks and of redesigns
 STRIP_BANDS: Final = 4  # bands of rows of the floor whose lost time the timeline shows
-STRIP_SAMPLES: Final = 4096
+STRIP_SAMPLES: Final = 1024
+STRIP_TICKS: Final = 8  # between two samples, until there are too many
 MAX_CURVE_ROWS: Final = 1 << 18  # 3 MB; shorter runs keep a row for every tick
 
 
@@ -189,7 +190,10 @@ class EventHistory:
 
 
 class LostByRows:
-    """The robot ticks lost in bands of rows of the floor, over time; samples are thinned."""
+    """The robot ticks lost in bands of rows of the floor, over time.
+
+    Samples are at multiples of a number of ticks, which doubles when there are too many, and at the end.
+    """
 
     def __init__(self, cells: int, stride: int) -> None:
         """`cells`: of the floor with its border; `stride`: cells in a row."""
@@ -197,20 +201,28 @@ class LostByRows:
         height = cells // stride - 2  # without the border
         self._starts = 1 + np.unique(np.arange(STRIP_BANDS) * height // STRIP_BANDS)
         self._log = AppendLog(1 + len(self._starts), 2 * STRIP_SAMPLES)
+        self._every = STRIP_TICKS
+
+    def next_sample(self, tick: int) -> int:
+        """The tick of the next sample after a tick."""
+        return (tick // self._every + 1) * self._every
 
     @property
     def rows(self) -> Array:
         """(N, 1 + bands) int32: a tick, and the sum of each band, from the top, up to there."""
         return self._log.log.rows
 
-    def look(self, simulation: Simulation) -> None:
-        """Take a sample, if the tick is later than that of the last one."""
+    def look(self, simulation: Simulation, is_end: bool) -> None:
+        """Take a sample, if one is due and later than the last one; `is_end`: of the run."""
         before, log = self.rows, self._log
+        if simulation.tick % self._every and not is_end:
+            return
         if len(before) and before[-1, 0] >= simulation.tick:
             return
         if len(before) >= STRIP_SAMPLES:
+            self._every *= 2
             log = AppendLog(before.shape[1], 2 * STRIP_SAMPLES)
-            log.append(before[1::2])
+            log.append(before[before[:, 0] % self._every == 0])
         lost = simulation.observation.lost_ticks_by_cell[:, codes.LOST_EVER].reshape(
             -1, self._stride
         )

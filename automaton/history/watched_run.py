@@ -41,7 +41,6 @@ class WatchedRun:
         self._keyframe_took = 0.0
         self._at = 0
         self.lost = LostByRows(resolved.floor_plan.kind.size, resolved.floor_plan.stride)
-        self._strip_at = 0.0  # earliest time of the next sample
         self.marks = PeriodMarks(ticks_of_period(resolved, None))  # at the front
 
     @property
@@ -132,9 +131,9 @@ class WatchedRun:
         before = self.leading_simulation.tick
         begun = time.perf_counter()
         until = before + (self._slice if most is None else min(most, self._slice))
-        self._compute(min(until, self.marks.next_mark(before)))
+        self._compute(min(until, self.marks.next_mark(before), self.lost.next_sample(before)))
         self.marks.look(self.leading_simulation)
-        self._sample_lost()
+        self.lost.look(self.leading_simulation, self.leading_simulation.tick == self.end)
         took = time.perf_counter() - begun
         if took < COMPUTE_SLICE_S / 2 and self.leading_simulation.tick - before == self._slice:
             self._slice *= 2
@@ -146,14 +145,6 @@ class WatchedRun:
             self.keyframes.keep(self.leading_simulation.world, self.leading_simulation.observation)
             self._since_keyframe, self._keyframe_took = 0.0, time.perf_counter() - begun
         return self.leading_simulation.tick > before
-
-    def _sample_lost(self) -> None:
-        """Sample the lost time of the strip; on large floors, at most a tenth of the time."""
-        begun = time.perf_counter()
-        if begun >= self._strip_at or self.leading_simulation.tick == self.end:
-            self.lost.look(self.leading_simulation)
-            now = time.perf_counter()
-            self._strip_at = now + KEYFRAME_TIME_RATIO * (now - begun)
 
     def _compute(self, until: int) -> None:
         raise NotImplementedError
@@ -171,9 +162,9 @@ class WatchedRun:
         return metrics_of(self.shown)
 
     def periods(self) -> list[Period]:
-        """The periods that have ended by the shown tick; the last one of a run may be shorter."""
+        """The periods that have ended by the shown tick; at the front, the last one may be shorter."""
         front = self.leading_simulation
-        if self._at == self.end == front.tick:
+        if 0 < self._at == front.tick:
             return self.marks.periods(front)
         return [one for one in self.marks.ended(front) if one.end <= self._at]
 

@@ -15,7 +15,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from automaton.engine.observation import DELAY_COLUMNS, DELIVERED_ORDERS, EVENT_DELIVERED
-from automaton.history.event_history import STRIP_SAMPLES, AppendLog, EventHistory, LostByRows
+from automaton.history.event_history import (
+    STRIP_SAMPLES,
+    STRIP_TICKS,
+    AppendLog,
+    EventHistory,
+    LostByRows,
+)
 from automaton.history.live_run import LiveRun, branch_of
 from automaton.history.playback import Playback
 from automaton.history.watched_run import ReplayedRun, WatchedRun
@@ -450,10 +456,23 @@ def test_lost_time_by_rows_can_be_read_while_it_is_thinned(monkeypatch: pytest.M
         append(log, rows)
         seen.append(len(strip.rows))
 
-    for tick in range(STRIP_SAMPLES):
-        simulation.tick = tick + 1
-        strip.look(simulation)
+    for tick in range(1, STRIP_SAMPLES * STRIP_TICKS + 1):
+        simulation.tick = tick
+        strip.look(simulation, False)
+    assert strip.rows[:, 0].tolist() == [*range(STRIP_TICKS, tick + 1, STRIP_TICKS)]
     monkeypatch.setattr(AppendLog, "append", watched)
-    simulation.tick = STRIP_SAMPLES + 1
-    strip.look(simulation)
+    simulation.tick = tick + 3
+    strip.look(simulation, False)
+    assert not seen
+    strip.look(simulation, True)
     assert min(seen) == STRIP_SAMPLES and len(strip.rows) == STRIP_SAMPLES // 2 + 1
+    assert strip.next_sample(tick + 3) == tick + 2 * STRIP_TICKS
+
+
+def test_the_strip_of_lost_time_does_not_depend_on_how_fast_the_machine_is() -> None:
+    runs = [live(*FLEET) for _ in range(2)]
+    runs[0].show(300, 99)
+    for tick in range(1, 301):
+        runs[1].show(tick, 99)
+    strips = [run.lost.rows.tolist() for run in runs]
+    assert strips[0] == strips[1] and len(strips[0]) == 300 // STRIP_TICKS

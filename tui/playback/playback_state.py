@@ -15,7 +15,13 @@ from automaton.history.divergence import Divergence
 from automaton.history.playback import Playback
 from automaton.history.snapshot import Snapshot
 from automaton.history.watched_run import WatchedRun
-from automaton.runs.metrics import OPERATION_STATES, executed_ticks, metrics_of, uses_of_run
+from automaton.runs.metrics import (
+    OPERATION_STATES,
+    executed_ticks,
+    metrics_of,
+    uses_of_run,
+    uses_of_time,
+)
 from automaton.runs.periods import Period
 from automaton.runs.progress import Jam, SlowPlace, bottlenecks, largest_jam, starved_robots
 from automaton.runs.simulation import Simulation
@@ -78,8 +84,9 @@ class RunFigures:
     starved: Array  # (k,) identities of starved robots, ascending
     jam: Jam | None  # the largest group of these that stands together
     bottlenecks: tuple[SlowPlace, ...]  # where most time was lost, the worst first
-    periods: tuple[Period, ...]  # that have ended by then
+    periods: tuple[Period, ...]  # up to then
     uses: dict[str, int]  # robot ticks by use
+    making_way: Array  # (n,) ticks by identity: lost in moves and turns that were undone
 
 
 def figures_of(run: WatchedRun) -> RunFigures:
@@ -94,7 +101,8 @@ def figures_of(run: WatchedRun) -> RunFigures:
     lost = shown.observation.lost_ticks_by_cell[:, LOST_EVER]
     worst = bottlenecks(lost, run.floor_plan, run.resolved.place_names)
     figures = shown.tick, metrics_of(shown), operations, active
-    return RunFigures(*figures, starved, jam, worst, tuple(run.periods()), uses_of_run(shown))
+    uses, undone = uses_of_run(shown), uses_of_time(world).making_way[by_identity]
+    return RunFigures(*figures, starved, jam, worst, tuple(run.periods()), uses, undone)
 
 
 KEPT_EVERY: Final = 512  # ticks between two counts that are kept

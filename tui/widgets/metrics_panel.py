@@ -25,8 +25,6 @@ from numpy.typing import NDArray
 from automaton.drawings.looks import LOW_CHARGE
 from automaton.engine.observation import (
     CAUSE_NO_ORDER,
-    CAUSE_NOT_WAITING,
-    CAUSES,
     DELIVERED_ORDERS,
     WAITING_ROBOTS,
     is_waiting,
@@ -62,7 +60,7 @@ from tui.widgets.panel import (
     wrapped,
 )
 from tui.widgets.robot_facts import battery_figures, may_fail
-from tui.widgets.why_panel import cause_bar, cause_letter, pattern_key
+from tui.widgets.why_panel import LOST_KINDS, cause_bar, cause_letter, lost_kinds, pattern_key
 from tui.widgets.zone_facts import partition_of, parts_finished, zone_link
 
 NAME_COLUMNS: Final = 13  # columns for the name of a metric
@@ -77,6 +75,7 @@ CURVE_ROWS: Final = 3
 LEAD_ROWS: Final = 2
 MAX_SLOW_ZONES_LISTED: Final = 5
 PERIODS_SHOWN: Final = 6
+LEAST_TICKS: Final = 128  # of a run that has a bottleneck
 
 
 class Figures(TextPanel):
@@ -100,10 +99,12 @@ class Figures(TextPanel):
         by_hour = view.run.marks.is_fixed
         parts = (
             self._now(view, width),
-            *((periods, *curves) if by_hour else (*curves, periods)),
-            bottleneck_so_far(view, width),
             self._time(view, width),
+            bottleneck_so_far(view, width),
+            *((periods,) if by_hour else ()),
             self._lost(view, width),
+            *curves,
+            *(() if by_hour else (periods,)),
             slow_zones(view),
             self._all(view, width),
         )
@@ -250,8 +251,8 @@ class Figures(TextPanel):
 
     def _lost(self, view: View, width: int) -> list[Line]:
         """Robot ticks lost by cause."""
-        lost = view.snapshot.robots.lost.sum(0)
-        lost[CAUSE_NOT_WAITING] = lost[CAUSE_NO_ORDER] = 0
+        undone = int(view.measured.making_way.sum())
+        lost = lost_kinds(view.snapshot.robots.lost.sum(0), undone)
         if not lost.any():
             return [line(title("no time lost so far"))]
         whole = max(1, view.snapshot.tick * len(view.snapshot.robots))
@@ -261,9 +262,9 @@ class Figures(TextPanel):
         for cause in causes:
             drawn = cause_bar(cause, int(lost[cause]) / int(lost.max()), room, self.signs)
             link = ("cause", cause)
-            name = (cause_letter(cause), *term(CAUSES[cause].name, link, CAUSE))
+            name = (cause_letter(cause), *term(LOST_KINDS[cause].name, link, CAUSE))
             lines.append(line(*name, drawn, f"{percent(int(lost[cause]) / whole):>8}"))
-            lines += self.explanation(link, CAUSES[cause].meaning, width)
+            lines += self.explanation(link, LOST_KINDS[cause].meaning, width)
         return [*lines, pattern_key(causes, self.signs)]
 
     def _all(self, view: View, width: int) -> list[Line]:
@@ -305,8 +306,10 @@ def last_periods(view: View, width: int) -> list[Line]:
 
     The columns that do not fit are left out.
     """
-    periods = view.playback.figures[view.side].periods[-PERIODS_SHOWN:]
-    if not periods:
+    known = view.playback.figures[view.side].periods
+    is_open = known and known[-1].ticks < view.run.marks.ticks
+    periods = known[: -1 if is_open and not view.playback.ended(view.side) else None]
+    if not (periods := periods[-PERIODS_SHOWN:]):
         return []
     resolved, first = view.run.resolved, periods[0]
     waiting = ("in_traffic", "in_station_queues", "for_chargers")
@@ -338,6 +341,8 @@ def last_periods(view: View, width: int) -> list[Line]:
 def bottleneck_so_far(view: View, width: int) -> list[Line]:
     """What was saturated in the periods up to now, in the words of the report."""
     figures = view.playback.figures[view.side]
+    if figures.tick < LEAST_TICKS:
+        return []
     said = bottleneck_sentences(view.run.resolved, figures.periods)
     lines = [row for text in said for row in wrapped(line(text), width)]
     return [line(title("bottleneck so far")), *lines] if lines else []

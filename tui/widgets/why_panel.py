@@ -14,8 +14,15 @@ from typing import Final
 
 import numpy as np
 
-from automaton.engine.observation import CAUSE_NOT_WAITING, CAUSES, is_waiting, waited_ticks
-from automaton.engine.state import NIL
+from automaton.engine.observation import (
+    CAUSE_NO_ORDER,
+    CAUSE_NOT_WAITING,
+    CAUSES,
+    Cause,
+    is_waiting,
+    waited_ticks,
+)
+from automaton.engine.state import NIL, Array
 from automaton.history.explanation import Explanation, explain
 from automaton.units import count, percent
 from tui.playback.panel_view import View
@@ -36,11 +43,16 @@ from tui.widgets.panel import (
 )
 
 CAUSE_LETTERS: Final = ".QHWDIVLBwFRopriPebszhSdkycgnlt"  # by cause; capitals count as blocked
+MAKING_WAY: Final = len(CAUSES)  # the kind of lost time that is no wait
+UNDONE: Final = "{robot} moves to where later moves lead it back from, or turns in vain"
+LOST_KINDS: Final = (*CAUSES, Cause("making way", UNDONE, "", True))
+KIND_LETTERS: Final = f"{CAUSE_LETTERS}M"
 
 MAX_WAITING_LISTED: Final = 40  # listed robots to choose from
 NAME_WIDTH: Final = 21  # columns for the letter and the name of a cause
 PERCENT_WIDTH: Final = 6
 
+SHOWN_IDLE: Final = 0.01  # share of time from which a robot is said to have been idle
 FIRST_LINKS: Final = 12  # shown links at the start of a chain
 LAST_LINKS: Final = 4
 
@@ -62,11 +74,17 @@ class Why(TextPanel):
 
     def _lost(self, view: View, width: int) -> list[Line]:
         """The robot's lost time by cause, the greatest first."""
-        lost = view.snapshot.robots.lost[view.robot].copy()
-        lost[CAUSE_NOT_WAITING] = 0
-        total, ticks = int(lost.sum()), max(1, view.snapshot.tick)
+        measured, ticks = view.measured, max(1, view.snapshot.tick)
+        undone, idle = 0, 0.0
+        if view.robot < len(measured.active):  # else not yet measured
+            undone = int(measured.making_way[view.robot])
+            idle = 1 - float(measured.active[view.robot])
+        lost = lost_kinds(view.snapshot.robots.lost[view.robot], undone)
+        total = int(lost.sum())
+        rest = f"idle for {percent(idle, 0)} of {count(ticks, 'tick')}"
+        idle_line = wrapped(line(dim(rest)), width) if idle >= SHOWN_IDLE else []
         if not total:
-            return [line(title(f"robot {view.robot} lost no time so far"))]
+            return [line(title(f"robot {view.robot} lost no time so far")), *idle_line]
         lost_share = percent(total / ticks, 0)
         head = f"robot {view.robot} lost {lost_share} of {count(ticks, 'tick')}"
         causes = np.argsort(-lost, kind="stable")[: np.count_nonzero(lost)].tolist()
@@ -76,11 +94,11 @@ class Why(TextPanel):
         room = max(0, width - NAME_WIDTH - digits - PERCENT_WIDTH)
         for cause, share in shares:
             link = ("cause", cause)
-            name = (cause_letter(cause), *term(CAUSES[cause].name, link, NAME_WIDTH - 2))
+            name = (cause_letter(cause), *term(LOST_KINDS[cause].name, link, NAME_WIDTH - 2))
             figures = f"{int(lost[cause]):>{digits},}{percent(share, 0):>{PERCENT_WIDTH}}"
             lines.append(line(*name, cause_bar(cause, share, room, self.signs), figures))
-            lines += self.explanation(link, CAUSES[cause].meaning, width)
-        return [*lines, pattern_key(causes, self.signs)]
+            lines += self.explanation(link, LOST_KINDS[cause].meaning, width)
+        return [*lines, pattern_key(causes, self.signs), *idle_line]
 
     def follow(self, link: Link, column: int = 0) -> None:
         """Explain a clicked cause."""
@@ -141,22 +159,29 @@ def longest_waits(view: View, width: int) -> list[Line]:
     return lines
 
 
-# Lost time.
+# Lost time. Its kinds are the causes of waits, and MAKING_WAY.
+
+
+def lost_kinds(lost: Array, making_way: int) -> Array:
+    """(kinds,) lost ticks from those by cause; time without an order is not lost."""
+    kinds: Array = np.append(lost, making_way)
+    kinds[CAUSE_NOT_WAITING] = kinds[CAUSE_NO_ORDER] = 0
+    return kinds
 
 
 def look_of(cause: int) -> str:
     """The colour of a cause."""
-    return "warn" if CAUSES[cause].blocked else "plain"
+    return "warn" if LOST_KINDS[cause].blocked else "plain"
 
 
 def cause_letter(cause: int) -> Span:
     """The letter of a cause in its colour, and a blank."""
-    return Span(f"{CAUSE_LETTERS[cause]} ", look_of(cause))
+    return Span(f"{KIND_LETTERS[cause]} ", look_of(cause))
 
 
 def cause_bar(cause: int, share: float, width: int, signs: Signs) -> Span:
     """The bar of a cause."""
-    return Span(bar(share, width, signs, thin=not CAUSES[cause].blocked), look_of(cause))
+    return Span(bar(share, width, signs, thin=not LOST_KINDS[cause].blocked), look_of(cause))
 
 
 def shares_bar(shares: Sequence[tuple[int, float]], width: int) -> Line:
@@ -164,13 +189,13 @@ def shares_bar(shares: Sequence[tuple[int, float]], width: int) -> Line:
     spans, left = [], width
     for cause, share in shares:
         columns = min(left, max(1, round(share * width)))
-        spans.append(Span(CAUSE_LETTERS[cause] * columns, look_of(cause)))
+        spans.append(Span(KIND_LETTERS[cause] * columns, look_of(cause)))
         left -= columns
     return (*spans, dim("." * left))
 
 
 def pattern_key(causes: Sequence[int], signs: Signs) -> Line:
     """The meanings of the patterns that occur."""
-    kinds = {CAUSES[cause].blocked for cause in causes}
+    kinds = {LOST_KINDS[cause].blocked for cause in causes}
     words = {True: f"{signs.full} another robot in the way", False: f"{signs.thin} other causes"}
     return line(dim("   ".join(text for blocked, text in words.items() if blocked in kinds)))

@@ -61,13 +61,15 @@ def test_figures_tell_orders_rates_robots_and_causes(width: int) -> None:
         assert name in said_then
 
 
-def test_the_last_periods_that_have_ended_by_the_shown_tick() -> None:
+def test_the_last_periods_that_have_ended_and_the_bottleneck_up_to_the_shown_tick() -> None:
     """The columns on the right are left out where there is no room."""
     view = moment(600, "depots", "units.clock=06:00", "units.tick=20 s")
     run = view.runs[0]
-    assert [one.name for one in view.playback.figures[0].periods] == ["06:00", "07:00", "08:00"]
+    *ended, begun = view.playback.figures[0].periods
+    assert [one.name for one in ended] == ["06:00", "07:00", "08:00"] and begun.end == 600
     told = shown(Figures(), view, WIDE, 80)
-    done = sum(one.done for one in view.playback.figures[0].periods)
+    assert " 08:00 " in told and " 09:00 " not in told.partition("last periods")[2]
+    done = sum(one.done for one in ended)
     assert "last periods orders/h from orders open work wait charge chargers" in told
     assert 0 < done <= int((run.leading_simulation.world.orders.delivered > 0).sum())
     assert "chargers" not in shown(Figures(), view, NARROW, 80).partition("throughput, ")[0][-200:]
@@ -216,6 +218,9 @@ def test_a_click_on_a_curve_leads_to_its_tick() -> None:
         figures.show(busy())
         await pilot.pause()
         row = said(figures).index("waiting robots") + 3
+        figures.scroll_to(y=row, animate=False)
+        await pilot.pause()
+        row -= round(figures.scroll_y)
         await pilot.click(figures, offset=(1 + metrics_panel.LABEL_WIDTH, row))
         await pilot.click(figures, offset=(figures.width, row))
         (_, first), (_, last) = stage.wishes()

@@ -230,14 +230,14 @@ def test_what_the_figures_show_above_another_panel_is_whole() -> None:
         column.show(busy())
         await pilot.pause()
         figures = column.figures
-        assert figures.size.height == figures.rows_within(15) < 15
+        assert figures.size.height == figures.rows_within(17) < 17
         column.set_class(True, "full")
         await pilot.pause()
         column.show(busy())
         await pilot.pause()
-        assert figures.size.height == 30
+        assert figures.size.height == 34
 
-    run_in_harness(PanelColumn(UNICODE, panel_widgets()), story, NARROW, 30)
+    run_in_harness(PanelColumn(UNICODE, panel_widgets()), story, NARROW, 34)
 
 
 @pytest.mark.parametrize("width", [34, 41, 48])  # of the side beside 100, 120 and 140 columns

@@ -43,7 +43,16 @@ def crowd(many: int) -> View:
     }
     metrics = view.playback.figures[0].metrics
     figures = RunFigures(
-        300, metrics, np.arange(many), np.full(many, 0.5), np.zeros(0, int), None, (), (), {}
+        300,
+        metrics,
+        np.arange(many),
+        np.full(many, 0.5),
+        np.zeros(0, int),
+        None,
+        (),
+        (),
+        {},
+        np.zeros(many, int),
     )
     snapshot = replace(view.snapshot, robots=FleetSnapshot(**copies))
     return replace(view, playback=replace(view.playback, snapshots=(snapshot,), figures=(figures,)))

@@ -23,8 +23,17 @@ from textual.pilot import Pilot
 
 from automaton.engine.observation import CAUSES
 from automaton.history.snapshot import FleetSnapshot
+from automaton.runs.metrics import metrics_by_robot
+from automaton.units import percent
 from tui.widgets.panel import ASCII_SIGNS, UNICODE_SIGNS, Signs
-from tui.widgets.why_panel import CAUSE_LETTERS, Why, cause_bar, pattern_key, shares_bar
+from tui.widgets.why_panel import (
+    CAUSE_LETTERS,
+    KIND_LETTERS,
+    Why,
+    cause_bar,
+    pattern_key,
+    shares_bar,
+)
 
 WAIT = ("tabletop-1", "fleet.robots=5", "strategy.right_of_way=wait")
 
@@ -99,8 +108,22 @@ def test_lost_time_is_split_by_cause_the_greatest_first() -> None:
         assert f" {lost[code]} " in said_then
 
 
+def test_a_robot_lost_as_much_as_its_run_reports() -> None:
+    """Waits, and moves and turns that were undone; time without an order is not lost."""
+    view = moment(634)
+    rows = metrics_by_robot(view.runs[0].leading_simulation)
+    for robot, row in enumerate(rows):
+        told = shown(Why(), of_robot(view, robot), WIDE, 80)
+        lost = sum(ticks for name, ticks in row.items() if name.startswith("lost_"))
+        assert f"robot {robot} lost {percent(lost / 634, 0)} of 634 ticks" in told
+        assert (" M making way " in told) == (row["lost_making_way"] > 0)
+    assert [row["lost_making_way"] for row in rows].count(0) < len(rows)
+    idle = of_robot(moment(900, "factory"), 1)
+    assert "robot 1 lost no time so far idle for 80 % of 900 ticks" in shown(Why(), idle)
+
+
 def test_every_cause_has_a_letter_and_those_that_count_as_blocked_have_capitals() -> None:
-    assert len(set(CAUSE_LETTERS)) == len(CAUSE_LETTERS) == len(CAUSES)
+    assert len(set(KIND_LETTERS)) == len(KIND_LETTERS) == len(CAUSES) + 1
     for letter, cause in list(zip(CAUSE_LETTERS, CAUSES, strict=True))[1:]:
         assert letter.isupper() == cause.blocked
 

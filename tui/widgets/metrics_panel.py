@@ -100,6 +100,7 @@ class Figures(TextPanel):
         parts = (
             self._now(view, width),
             self._time(view, width),
+            self._state(view, width),
             bottleneck_so_far(view, width),
             *((periods,) if by_hour else ()),
             self._lost(view, width),
@@ -139,11 +140,17 @@ class Figures(TextPanel):
             *self._share("utilization", "utilization", view, width),
             *self._share("blocked_share", "blocked", view, width),
             *_robots(view, width),
+        ]
+
+    def _state(self, view: View, width: int) -> list[Line]:
+        """Open orders, batteries, faults, parts and zones now."""
+        lines = [
             *self._progress(view, width),
             *self._energy(view, width),
             *_out_of_order(view, width),
             *self._parts(view, width),
         ]
+        return [line(title("now")), *lines] if lines else []
 
     def _progress(self, view: View, width: int) -> list[Line]:
         """The oldest open order, late orders, starved robots, and the largest jam."""

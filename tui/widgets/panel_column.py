@@ -31,7 +31,7 @@ from tui.widgets.bindings import key_text
 from tui.widgets.metrics_panel import Figures
 from tui.widgets.panel import Line, Link, PanelWidget, Rows, Signs, Span, signs_of
 
-FIGURES_SHARE: Final = 0.55  # maximum of the height; shows both curves in 36 rows
+FIGURES_SHARE: Final = 0.62  # maximum of the height; shows where the time went in 36 rows
 MAX_TAB_GAP: Final = 3  # columns between tabs
 
 

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 from hypothesis import HealthCheck, settings
+from shared_fixture import folder_of_all_workers
 
 from automaton import pytest_plugin
 from automaton.engine.jit.kernel import COMPILATIONS
@@ -55,6 +56,14 @@ def pytest_collection_finish() -> None:
     """What thousands of collected tests consist of stays to the end: no garbage is looked for there."""
     gc.collect()
     gc.freeze()
+
+
+@pytest.fixture(scope="session", autouse=True)
+def runs_of_all_workers(tmp_path_factory: pytest.TempPathFactory) -> None:
+    """Where `remembered_runs` keeps runs that several test modules ask for."""
+    folder = folder_of_all_workers(tmp_path_factory) / "runs"
+    folder.mkdir(exist_ok=True)
+    os.environ["RUNS_OF_ALL_WORKERS"] = str(folder)
 
 
 def pytest_addoption(pluginmanager: pytest.PytestPluginManager) -> None:

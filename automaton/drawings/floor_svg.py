@@ -13,7 +13,6 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Final
-from xml.sax.saxutils import escape, quoteattr
 
 import numpy as np
 from numpy.typing import NDArray
@@ -72,7 +71,7 @@ def floor_svg(
     return (
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="{view}" {size} font-family="{FONT}"'
         ' text-anchor="middle" role="img" style="max-width:100%;height:auto"'
-        f" aria-label={quoteattr(title or 'a floor with its robots')}>"
+        f' aria-label="{html.escape(title or "a floor with its robots")}">'
         f"{ground}{_robots(moment, theme, selected)}</svg>\n"
     )
 
@@ -96,7 +95,9 @@ class _Sheet:
     def _write(self, word: Label, x: float, y: float) -> None:
         at = f'x="{_units(x + word.x)}" y="{_units(y + word.y + 0.36 * word.size)}"'
         style = f'fill="{self._css(word.colour)}" font-size="{_units(word.size)}"'
-        self._words.setdefault(style, []).append(f"<text {at}>{escape(word.text)}</text>")
+        self._words.setdefault(style, []).append(
+            f"<text {at}>{html.escape(word.text, quote=False)}</text>"
+        )
 
     def _style(self, shape: Box | Disc | Path) -> str:
         colour = self._css(shape.colour)

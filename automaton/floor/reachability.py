@@ -337,11 +337,15 @@ def ticks_between(
             # Backwards, the bit names the side from which the robot comes, opposite to the heading.
             travels = (direction ^ 2 if backwards else direction) % headings
             goes = on & (exits[at] >> np.uint8(direction) & 1 != 0) & (heading == travels)
+            further = poses[goes] + offset * headings
+            if not len(floor_plan.min_move_ticks):
+                _add(waiting, now + driving.move, further)
+                continue
             # Backwards, the move begins in the next cell of the search.
             before, way = (at + offset, direction ^ 2) if backwards else (at, direction)
-            ticks = move_ticks(floor_plan, driving, before, way)
-            for each in np.unique(ticks[goes]).tolist():
-                _add(waiting, now + each, poses[goes & (ticks == each)] + offset * headings)
+            ticks = move_ticks(floor_plan, driving, before[goes], way)
+            for each in np.unique(ticks).tolist():
+                _add(waiting, now + each, further[ticks == each])
         if headings > 1:
             base = poses[turns[at]]
             for way in (1, headings - 1):

@@ -9,7 +9,7 @@ import platform
 import sys
 import sysconfig
 from collections.abc import Iterable, Iterator
-from functools import cache
+from functools import cache, lru_cache
 from pathlib import Path
 from typing import Any, Final
 
@@ -140,10 +140,16 @@ def home_of(name: str) -> Path:
 def _contents(files: Iterable[Path], root: Path) -> Sources:
     """Hashes of files by path relative to `root`; broken links are skipped."""
     return {
-        path.relative_to(root).as_posix(): hashlib.sha256(path.read_bytes()).hexdigest()[:16]
+        path.relative_to(root).as_posix(): _hashed(path, found.st_mtime_ns, found.st_size)
         for path in files
-        if path.is_file()
+        if path.is_file() and (found := path.stat())
     }
+
+
+@lru_cache(maxsize=4096)
+def _hashed(path: Path, written: int, size: int) -> str:
+    """16 hex digits of the content of a file, which is read again once it was written."""
+    return hashlib.sha256(path.read_bytes()).hexdigest()[:16]
 
 
 def changed_sources(before: Sources, now: Sources) -> list[str]:

@@ -94,10 +94,8 @@ def _fits(value: Any, wanted: Any) -> bool:
 
 
 def _explained(value: Any, wanted: Any, at: Keys, inner: Keys, what: str) -> InvalidValueError:
-    import msgspec.inspect  # only needed for an error
-
     keys = at + inner
-    expected = _type_at(msgspec.inspect.type_info(wanted), inner)
+    expected = _type_at(inspected(wanted), inner)
     found = _value_at(value, inner)
     field = FIELD.search(what)
     if field and what.startswith("Object contains unknown"):
@@ -347,11 +345,17 @@ class Plan:
 @lru_cache(maxsize=256)
 def plan_of(wanted: Any) -> Plan:
     """Where a struct holds quantities and named cells."""
-    from msgspec.inspect import type_info
-
     plan = Plan()
-    _add(plan, type_info(wanted), None)
+    _add(plan, inspected(wanted), None)
     return plan
+
+
+@lru_cache(maxsize=64)
+def inspected(wanted: Any) -> Any:
+    """A type as `msgspec.inspect` describes it."""
+    from msgspec.inspect import type_info  # only needed for an error, or for texts
+
+    return type_info(wanted)
 
 
 def _add(plan: Plan, described: Any, quantity: Quantity | None) -> None:

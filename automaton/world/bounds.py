@@ -21,14 +21,21 @@ from __future__ import annotations
 import heapq
 import itertools
 import math
+from functools import lru_cache
 from typing import Final, Literal, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from automaton.engine.state import NIL, Array
-from automaton.floor.floor_plan import STATION, STORAGE, may_turn
-from automaton.floor.reachability import NO_WAY, backward_exits, slot_access, ticks_between
+from automaton.floor.floor_plan import STATION, STORAGE, FloorPlan, may_turn
+from automaton.floor.reachability import (
+    NO_WAY,
+    Driving,
+    backward_exits,
+    slot_access,
+    ticks_between,
+)
 from automaton.scenario.durations import Distribution, Handling
 from automaton.scenario.order_lines import line_column, listed_lines, pod_cells, transports_of
 from automaton.scenario.orders import DRAWN_GENERATORS, ENDS, Orders, Parts
@@ -362,7 +369,20 @@ class PodWays(NamedTuple):
 def pod_ways(resolved: Resolved, robot_type: RobotType) -> PodWays:
     """The ways of robots of a type, turns included; the mean of empty ways is that of some pods."""
     floor_plan, driving = resolved.floor_plan, loaded_driving(robot_type)
-    pods = pod_cells(resolved.scenario, floor_plan)
+    empty = driving._replace(
+        move=robot_type.moves.empty,
+        turn=robot_type.turns.empty,
+        loaded=resolved.scenario.pods.under == "none",
+    )
+    pods = tuple(pod_cells(resolved.scenario, floor_plan).tolist())
+    return _pod_ways(floor_plan, pods, driving, empty)
+
+
+@lru_cache(maxsize=8)  # scenarios that are compared often have one floor
+def _pod_ways(
+    floor_plan: FloorPlan, cells: tuple[int, ...], driving: Driving, empty: Driving
+) -> PodWays:
+    pods = np.array(cells, np.int64)
     stored = np.union1d(pods, np.flatnonzero(floor_plan.kind == STORAGE))
     loaded = np.zeros((len(pods), len(floor_plan.stations)), np.int64)
     least = NO_WAY
@@ -379,15 +399,11 @@ def pod_ways(resolved: Resolved, robot_type: RobotType) -> PodWays:
         loaded[:, number] = (there + back)[:, pods].min(axis=0)
         both = there[:, stored].min(axis=1) + back[:, stored].min(axis=1)
         least = min(least, int(both.min()))
-    empty = driving._replace(
-        move=robot_type.moves.empty,
-        turn=robot_type.turns.empty,
-        loaded=resolved.scenario.pods.under == "none",
-    )
     some = pods[:: math.ceil(len(pods) / EMPTY_WAYS)]
     ways = np.array([ticks_between(floor_plan, empty, int(cell), False)[pods] for cell in some])
     ways = ways.min(axis=2)
     others = (ways < NO_WAY) & (some[:, None] != pods)
+    loaded.setflags(write=False)
     return PodWays(loaded, least, float(ways[others].mean()) if others.any() else 0.0)
 
 

@@ -6,6 +6,7 @@ import fcntl
 import os
 import pickle
 from collections.abc import Callable
+from pathlib import Path
 from typing import TypeVar
 
 import pytest
@@ -13,11 +14,15 @@ import pytest
 T = TypeVar("T")
 
 
+def folder_of_all_workers(factory: pytest.TempPathFactory) -> Path:
+    """Beside the folders of all workers, if there are several."""
+    folder = factory.getbasetemp()
+    return folder.parent if "PYTEST_XDIST_WORKER" in os.environ else folder
+
+
 def shared_fixture(factory: pytest.TempPathFactory, name: str, make: Callable[[], T]) -> T:
     """What `make` returns, kept under this name while the tests run; who comes meanwhile waits."""
-    folder = factory.getbasetemp()
-    if "PYTEST_XDIST_WORKER" in os.environ:  # beside the folders of all workers
-        folder = folder.parent
+    folder = folder_of_all_workers(factory)
     path = folder / f"{name}.pickle"
     with open(folder / f"{name}.lock", "w") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)

@@ -401,23 +401,49 @@ async def quit(user: Watched) -> None:
     await user.until(lambda: user.app.return_code == 0)
 
 
-async def carry_out(name: str, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Check an action that does nothing, which must be noticed, and then as it is."""
-    opening = compared(folder) if name in COMPARING else mini()
-    does, called = Viewer.action_do, []
+# Actions that leave nothing behind that another one of their row would take for its own doing.
+TOGETHER = [
+    row.split()
+    for row in (
+        "timeline_in timeline_out timeline_whole step_forward step_back forward_10 back_10 forward_100 "
+        "back_100 go_start next_event previous_event faster slower normal_speed full_speed",
+        "pan_left pan_right pan_up pan_down page_left page_right page_up page_down",
+        "layer_none layer_visits layer_waiting layer_congestion layer_flow next_layer layer_zones "
+        "layer_streets layer_difference",
+        "why inspect events robots legend next_robot previous_robot clear",
+    )
+]
+
+
+def rows_of_actions() -> list[list[str]]:
+    """All actions, each with those that are checked in the same viewer."""
+    shared = {name for row in TOGETHER for name in row}
+    return [*TOGETHER, *([name] for name in CHECKS if name not in shared)]
+
+
+async def carry_out(names: list[str], folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Check actions in one viewer."""
+    opening = compared(folder) if COMPARING & set(names) else mini()
     async with viewing(opening) as user:
+        for name in names:
+            await check_action(name, user, monkeypatch)
 
-        async def do(app: Viewer, id: str) -> None:
-            if id != name:
-                await does(app, id)
-                return
-            called.append(id)
-            user.patience = 0.1  # nothing comes of it: do not wait for long
 
-        with monkeypatch.context() as patch:
-            patch.setattr(Viewer, "action_do", do)
-            with pytest.raises(AssertionError):
-                await CHECKS[name](user)
-        assert called, "the key did not even reach the action"
-        user.patience = PATIENCE_S
-        await CHECKS[name](user)
+async def check_action(name: str, user: Watched, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Check an action that does nothing, which must be noticed, and then as it is."""
+    does, called = Viewer.action_do, []
+
+    async def do(app: Viewer, id: str) -> None:
+        if id != name:
+            await does(app, id)
+            return
+        called.append(id)
+        user.patience = 0.1  # nothing comes of it: do not wait for long
+
+    with monkeypatch.context() as patch:
+        patch.setattr(Viewer, "action_do", do)
+        with pytest.raises(AssertionError):
+            await CHECKS[name](user)
+    assert called, f"the key of {name} did not even reach the action"
+    user.patience = PATIENCE_S
+    await CHECKS[name](user)

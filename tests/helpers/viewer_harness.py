@@ -9,6 +9,7 @@ from contextlib import asynccontextmanager
 from pathlib import Path
 from typing import Any
 
+import pytest
 from textual.pilot import Pilot
 
 from automaton.history.live_run import branch_of
@@ -19,6 +20,7 @@ from automaton.runs.simulation import Simulation
 from automaton.world.resolve import resolve
 from tui.playback.run_source import Opening, live, recorded
 from tui.terminal.options import Options
+from tui.viewer import app as viewer_app
 from tui.viewer.app import Viewer
 from tui.viewer.session import Display, Session
 
@@ -135,20 +137,25 @@ async def viewing(
 ) -> AsyncIterator[Watched]:
     """A viewer whose run and panels are there."""
     app = Viewer(opening or mini(), options or Options(paused=True, color="true"))
-    try:
-        async with app.run_test(size=size, notifications=toasts) as pilot:
-            user = Watched(app, pilot)
-            await user.until(
-                lambda: app.session.playback is not None and app.main_display.column is not None,
-                app.session.error,
-            )
-            await user.until(
-                lambda: (
-                    app.main_display.column.is_mounted
-                    and laid_out(app)
-                    and app.main_display.timeline.past is not None
+    with pytest.MonkeyPatch.context() as patch:
+        # It would look through all objects of this process, and keep them for good.
+        patch.setattr(viewer_app, "quiet_collector", lambda: None)
+        try:
+            async with app.run_test(size=size, notifications=toasts) as pilot:
+                user = Watched(app, pilot)
+                await user.until(
+                    lambda: (
+                        app.session.playback is not None and app.main_display.column is not None
+                    ),
+                    app.session.error,
                 )
-            )
-            yield user
-    finally:
-        app.session.close()
+                await user.until(
+                    lambda: (
+                        app.main_display.column.is_mounted
+                        and laid_out(app)
+                        and app.main_display.timeline.past is not None
+                    )
+                )
+                yield user
+        finally:
+            app.session.close()

@@ -30,7 +30,7 @@ def test_fleets_that_cannot_be_run_are_not_examined(capsys: Any) -> None:
     command = [
         "size", "tabletop-mini", "--target", "makespan<=1700", "--robots", "3", "--workers", "1",
         "--set", "fleet.start=[[0, 0], [1, 0], [2, 0]]", "--success-share", "0.8",
-        "--indifference", "0.1",
+        "--indifference", "0.1", "--budget", "300",
     ]  # fmt: skip
     with remembered_runs():
         assert main(command) == 0

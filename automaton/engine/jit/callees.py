@@ -165,7 +165,6 @@ class RootCompiler(Compiler):  # type: ignore[misc]
     """Compiles kernels that Python or the loop calls."""
 
     library_class = RootLibrary
-    cache_class = FunctionCache
 
     def compile_extra(self, function: Any) -> Any:
         codegen = self.state.targetctx.codegen()

@@ -167,13 +167,24 @@ def _remove_unused(root: Path) -> None:
         root.rmdir()  # fails if files are left
 
 
+class RootCache(FunctionCache):  # type: ignore[misc]
+    """The cache of a kernel that Python or the loop calls.
+
+    Numba first imports what it compiles with, which takes 0.25 s in each process; machine code of
+    kernels, which allocate nothing, needs none of it.
+    """
+
+    def load_overload(self, sig: Any, target_context: Any) -> Any:
+        return self._load_overload(sig, target_context)
+
+
 def with_cache(function: Any, options: dict[str, Any], folder: Path) -> Any:
     """Return Numba's dispatcher of a function, which reads and writes compiled code in a folder.
 
     A read-only cache comes first: no process can have changed it.
     """
     filled = filled_folder(folder)
-    kind = getattr(options.get("pipeline_class"), "cache_class", FunctionCache)
+    kind = getattr(options.get("pipeline_class"), "cache_class", RootCache)
     reader = None if filled is None else _reader(kind, function, filled)
     dispatcher = njit(**options)(function)
     if not cache_places().is_writable:

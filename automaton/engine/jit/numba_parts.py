@@ -77,8 +77,9 @@ def changed() -> Iterator[str]:
         yield "AttributeTemplate.generic_resolve is gone"
     if not hasattr(config, "CACHE_DIR"):
         yield "config.CACHE_DIR is gone"
-    if not {"save_overload", "load_overload", "cache_path"} <= set(dir(FunctionCache)):
-        yield "FunctionCache saves differently"
+    parts = {"save_overload", "load_overload", "_load_overload", "cache_path"}
+    if not parts <= set(dir(FunctionCache)):
+        yield "FunctionCache saves or loads differently"
     if not hasattr(CacheLocator, "ensure_cache_path"):
         yield "_CacheLocator.ensure_cache_path is gone"
     if not {"on_start", "on_end"} <= set(dir(event.Listener)):

@@ -447,9 +447,9 @@ class Struct(metaclass=StructClass):
         numbers.
         """
         known = dict(sizes)
-        for name in values.keys() - set(cls._fields):
-            raise TypeError(f"{cls.__name__} has no field {name}")
         for name, value in values.items():
+            if name not in cls._declared:
+                raise TypeError(f"{cls.__name__} has no field {name}")
             extents = cls._declared[name].extents
             if extents:
                 if isinstance(value, list | tuple):

@@ -9,7 +9,7 @@ import map_cases  # its checks are entered into the table
 import pytest
 from action_cases import CHECKS
 from docs_pages import page
-from viewer_actions import carry_out
+from viewer_actions import carry_out, rows_of_actions
 from viewer_harness import mini, viewing
 
 from tui.terminal.options import Options
@@ -46,13 +46,14 @@ def test_every_action_of_the_table_is_carried_out_by_one_group() -> None:
 
 def test_every_action_has_a_check_and_no_check_is_without_action() -> None:
     assert set(CHECKS) == {action.id for action in VIEWER_ACTIONS}
+    assert sorted(name for row in rows_of_actions() for name in row) == sorted(CHECKS)
 
 
-@pytest.mark.parametrize("name", list(CHECKS))
+@pytest.mark.parametrize("names", rows_of_actions(), ids=lambda names: names[0])
 def test_a_check_passes_with_its_action_and_fails_where_it_does_nothing(
-    name: str, folder: Path, monkeypatch: pytest.MonkeyPatch
+    names: list[str], folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    asyncio.run(carry_out(name, folder, monkeypatch))
+    asyncio.run(carry_out(names, folder, monkeypatch))
 
 
 def test_the_page_on_watching_gives_every_layer_its_own_key() -> None:

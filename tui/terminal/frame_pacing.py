@@ -30,7 +30,7 @@ SHORT_WAY = 0.02  # seconds of round trip up to which two large frames may be in
 # bytes of a frame from which only one frame is in flight on a longer round trip
 LARGE_FRAME_BYTES = 8192
 # The terminal does not keep up if it needs longer than this for each frame of average size or more, while
-# frames are in flight for this share of the time, in so many windows of measurement in a row. The
+# frames are in flight for this share of the time, in so many more windows of measurement than not. The
 # fastest frame counts, since a busy machine delays some answers, but a slow link delays all.
 KEEPING_UP_S = 0.1
 LATE_SHARE = 0.8
@@ -69,7 +69,7 @@ class FramePacer:
         self._history: deque[tuple[float, int]] = deque()
         self._sent = self._held = 0
         self._judged = 0.0
-        self._late = 0  # windows of measurement in a row
+        self._late = 0  # windows of measurement, less those in time
         self._passed: list[tuple[int, float]] = []  # bytes and seconds of frames in this window,
         self._flying = 0.0  # and for how long any was in flight
         self._way: float | None = None  # seconds from a bare question to its answer
@@ -159,9 +159,10 @@ class FramePacer:
     def _pass(self, size: int, seconds: float, with_way: bool) -> None:
         """Record for how long a frame kept the terminal; `with_way`: including the way."""
         self._flying += seconds
-        if size > BARE_FRAME_BYTES:
-            self._passed.append((size, seconds - (self._way or 0.0) * with_way))
-        elif with_way:
+        own = seconds - (self._way or 0.0) * with_way
+        if size > BARE_FRAME_BYTES and own > 0:
+            self._passed.append((size, own))
+        elif size <= BARE_FRAME_BYTES and with_way:
             self._way = seconds
 
     def _give_up(self, now: float) -> None:
@@ -181,7 +182,8 @@ class FramePacer:
             mean = sum(size for size, _ in self._passed) / len(self._passed)
             fastest = min(seconds for size, seconds in self._passed if size >= mean)
             is_late = fastest > KEEPING_UP_S and self._flying > LATE_SHARE * LINK_WINDOW_S
-            self._late = self._late + 1 if is_late else 0
+            # After a timeout, answers to earlier frames come as if they were quick.
+            self._late = self._late + 1 if is_late else max(0, self._late - 1)
         self._passed, self._flying, self._way = [], 0.0, None
         if not self._held:
             self._rung = max(0, self._rung - 1)

@@ -126,7 +126,7 @@ def test_selection_and_route_are_painted_and_vanish_again() -> None:
     assert (pictures[0] != pictures[1]).any() and (pictures[0] == pictures[2]).all()
 
 
-def test_what_films_do_not_draw_is_text() -> None:
+def test_what_films_do_not_draw_is_text(monkeypatch: pytest.MonkeyPatch) -> None:
     simulation = observed(10)
     scene = Scene(floor_of(simulation.resolved), take_snapshot(simulation))
     assert can_paint(scene)
@@ -141,6 +141,8 @@ def test_what_films_do_not_draw_is_text() -> None:
         {"marked_cells": cells},
     ):
         assert not can_paint(scene.with_(**change)), change
+    monkeypatch.setattr("tui.terminal.pixel_map.MAX_ROBOTS", 2)  # the floor has three robots
+    assert not can_paint(scene)
 
 
 # What the terminal answers.
@@ -388,7 +390,7 @@ def test_an_answer_that_arrives_late_is_no_key(tmp_path: Path) -> None:
 
 
 def test_a_slow_link_gets_text_and_says_so_once(tmp_path: Path) -> None:
-    link = TerminalLink(bytes_per_second=10_000, round_trip=0.05)
+    link = TerminalLink(bytes_per_second=5_000, round_trip=0.05)
     command = ("watch", "tabletop-mini", "--no-record", "--speed", "2", "--pixels", "auto")
     with automaton(tmp_path, *command, graphics="kitty", link=link) as session:
         session.wait_for_text("pixels are too slow here")

@@ -45,9 +45,10 @@ from tui.widgets.panel import (
     wrapped,
 )
 from tui.widgets.pod_facts import makes_trips
-from tui.widgets.robot_facts import ROBOT_COLUMN_WIDTH, event_line
+from tui.widgets.robot_facts import event_line
 from tui.widgets.zone_facts import partition_of, parts_finished
 
+ROOM_FOR_WORDS: Final = len("picks up the pod of trip 1,234")
 NO_EVENTS: Final = np.zeros(0, np.int64)
 
 
@@ -169,20 +170,27 @@ class EventList(Rows):
         """The names of the columns, and the number of events."""
         found, all_of = len(self._found), len(self.kept.rows)
         told = count(found, "event") + (f" of {all_of:,}" if found != all_of else "")
-        return line(
-            title(f"{'tick':>{self._tick_width() + 1}}{'robot':>{ROBOT_COLUMN_WIDTH}} "), dim(told)
-        )
+        name, wide = self._robot_column(view)
+        return line(title(f"{'tick':>{self._tick_width() + 1}}{name:>{wide}} "), dim(told))
 
     def row(self, index: int) -> Line:
         assert self.view is not None
         event = event_of(self.kept.rows[self._found[index]])
         mark = self.signs.here if index == self._present - 1 else " "
-        made = event_line(event, tick_width=self._tick_width(), trips=makes_trips(self.view))
+        wide = self._robot_column(self.view)[1]
+        made = event_line(event, wide, self._tick_width(), makes_trips(self.view))
         gap, tick, *rest = made
         made = (gap, tick._replace(look="dim"), *rest)  # the whole row links there
         if index >= self._present:
             made = tuple(span._replace(look="dim") for span in made)
         return (Span(mark, "title"), *made)
+
+    def _robot_column(self, view: View) -> tuple[str, int]:
+        """Name and width of the column of robots, which gives way to the words of events."""
+        wide = 1 + max(len("robot"), len(str(len(view.snapshot.robots) - 1)))
+        if self.width >= 2 + self._tick_width() + wide + ROOM_FOR_WORDS:
+            return "robot", wide
+        return "#", 1 + len(str(len(view.snapshot.robots) - 1))
 
     def _tick_width(self) -> int:
         assert self.view is not None

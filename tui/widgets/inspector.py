@@ -35,7 +35,6 @@ from tui.widgets.panel import (
     cell_link,
     dim,
     fact_lines,
-    length,
     line,
     order_link,
     robot_link,
@@ -76,15 +75,7 @@ class Inspector(TextPanel):
     _chosen = (NIL, NIL, NIL)
 
     def panel_lines(self, view: View, width: int) -> list[Line]:
-        """The facts; lines that are too long wrap at blanks."""
-        lines = self._facts(view, width)
-        return [
-            row
-            for one in lines
-            for row in (wrapped(one, width, indent=2) if length(one) > width else [one])
-        ]
-
-    def _facts(self, view: View, width: int) -> list[Line]:
+        """The facts about the choice."""
         chosen = (view.robot, view.cell, view.zone)
         if chosen != self._chosen:
             self._chosen, self.order = chosen, NIL

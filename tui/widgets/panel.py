@@ -8,8 +8,9 @@ little. The widget is loaded later.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from itertools import accumulate
 from typing import TYPE_CHECKING, Any, ClassVar, Final, NamedTuple
 
 from rich.segment import Segment
@@ -45,6 +46,8 @@ PIECES = re.compile(r"\s+|\S+(?: %)?")  # "15 %" stays together
 LABEL = 11  # columns of the name of a fact
 MAX_LISTED_LINKS = 12  # links in a list; of more, only the number is given
 NARROWEST = 20  # minimum width in columns for which lines are written
+CUT = "..."  # at the end of a line that is too long
+COLUMN_GAP = re.compile(r"  +(?=\S)")  # before a column, such as that of a fact's value
 
 
 @dataclass
@@ -219,6 +222,52 @@ def wrapped(spans: Line, width: int, indent: int = 0, first: int = 0) -> list[Li
     return [tuple(one) for one in lines]
 
 
+def broken(spans: Line, width: int) -> list[Line]:
+    """A line as it is if it fits; else the rest follows below its last column."""
+    chars = "".join(span.text for span in spans).rstrip()
+    starts = [start for start in _starts(spans) if len(chars[:start].rstrip()) <= width]
+    if len(chars) <= width or not starts or not starts[-1]:
+        return [spans]
+    gaps = [gap.end() for gap in COLUMN_GAP.finditer(chars, 0, starts[-1])]
+    indent = next((end for end in reversed(gaps) if end <= width // 2), 2)
+    return [_part(spans, 0, starts[-1]), *wrapped(_part(spans, starts[-1]), width, indent, indent)]
+
+
+def _starts(spans: Line) -> list[int]:
+    """The columns at which words begin; links are never broken."""
+    starts, at, glued = [], 0, False
+    for span in spans:
+        for piece in [span.text] if span.link else PIECES.findall(span.text):
+            if not piece.isspace() and not glued:
+                starts.append(at)
+            glued = not piece.isspace()
+            at += len(piece)
+    return starts
+
+
+def _part(spans: Line, start: int, end: int | None = None) -> Line:
+    """The characters of a line from `start` to `end`."""
+    parts, at = [], 0
+    for span in spans:
+        stop = None if end is None else max(0, end - at)
+        parts.append(span._replace(text=span.text[max(0, start - at) : stop]))
+        at += len(span.text)
+    return tuple(part for part in parts if part.text)
+
+
+def cut(spans: Line, width: int) -> Line:
+    """A line of at most `width` columns that shows whether it is cut; numbers are never cut."""
+    chars = "".join(span.text for span in spans)
+    if len(chars.rstrip()) <= width:
+        return spans
+    end = max(0, width - len(CUT))
+    start = chars.rfind(" ", 0, end + 1) + 1
+    if start > width // 2 or re.search(r"\d", chars[start:].partition(" ")[0]):
+        end = start  # between two words
+    head = _part(spans, 0, len(chars[:end].rstrip()))
+    return (*head, Span(CUT[:width], head[-1].look if head else "plain"))
+
+
 def _words(spans: Line) -> list[list[Span]]:
     """The pieces between blanks; a piece may consist of several spans."""
     words: list[list[Span]] = []
@@ -335,11 +384,11 @@ class Rows(ScrollView, can_focus=True, inherit_bindings=False):
     def _line(self, y: int) -> Line:
         """The content of a line of the widget."""
         if y < len(self.heading):
-            return self.heading[y]
+            return cut(self.heading[y], self.width)
         index = self._index(y)
         if index == NIL:
             return ()
-        shown = self.row(index)
+        shown = cut(self.row(index), self.width)
         return self.marked(shown) if index == self.cursor and self.shows_cursor else shown
 
     @property
@@ -437,8 +486,11 @@ class Rows(ScrollView, can_focus=True, inherit_bindings=False):
 class TextPanel(Rows, PanelWidget):
     """A panel of text lines; up and down move from link to link.
 
-    Subclasses write the lines for a width; they are rewritten only after changes.
+    Subclasses write the lines for a width; they are rewritten only after changes. Longer lines are
+    broken between words.
     """
+
+    ends: Sequence[int] = ()  # numbers of lines after which the panel may end
 
     def __init__(self, signs: Signs = UNICODE_SIGNS, *, id: str | None = None) -> None:
         super().__init__(signs, id=id)
@@ -466,9 +518,12 @@ class TextPanel(Rows, PanelWidget):
 
     def write(self, lines: list[Line]) -> None:
         """Show these lines."""
-        self.lines = lines
+        rows = [broken(one, self.width) for one in lines]
+        self.lines = [row for one in rows for row in one]
+        before = (0, *accumulate(map(len, rows)))
+        self.ends = [before[end] for end in self.ends]
         self._place_cursor()
-        self.update_rows(len(lines))
+        self.update_rows(len(self.lines))
 
     def explain(self, link: Link) -> None:
         """Show or hide the explanation of a word."""

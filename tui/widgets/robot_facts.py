@@ -281,7 +281,7 @@ def _last_events(view: View, robot: int) -> list[Line]:
     rows = (Event(*(int(value) for value in events[index])) for index in reversed(indices))
     return [
         line(title("last events")),
-        *(event_line(event, who=False, trips=makes_trips(view)) for event in rows),
+        *(event_line(event, trips=makes_trips(view)) for event in rows),
     ]
 
 
@@ -428,7 +428,6 @@ def own_durations(kind: FleetType) -> str:
 # Events as rows.
 
 
-ROBOT_COLUMN_WIDTH: Final = 6  # columns for a robot's number
 EVENT_LOOKS: Final = {
     codes.EVENT_DELIVERED: "good",
     codes.EVENT_DEADLOCK: "fault",
@@ -442,11 +441,16 @@ EVENT_LOOKS: Final = {
 }
 
 
-def event_line(event: Event, who: bool = True, tick_width: int = 7, trips: bool = False) -> Line:
-    """An event as a row: tick (a link), robot, and the event in words about orders or trips."""
+def event_line(
+    event: Event, robot_width: int = 0, tick_width: int = 7, trips: bool = False
+) -> Line:
+    """An event as a row: tick (a link), robot, and the event in words about orders or trips.
+
+    With `robot_width` 0 the robot is left out.
+    """
     tick = Span(f"{event.tick:,}", "link", ("tick", event.tick))
     gap = " " * (tick_width - len(tick.text))
     number = "" if event.robot == NIL else event.robot
-    robot = f"{number:>{ROBOT_COLUMN_WIDTH}}" if who else ""
+    robot = f"{number:>{robot_width}}" if robot_width else ""
     look = EVENT_LOOKS.get(event.code, "plain")
     return line(gap, tick, robot, Span(f" {event_words(event, trips)}", look))

@@ -25,13 +25,27 @@ from automaton.history.state_words import carries_pods
 from automaton.units import percent
 from automaton.vocabulary import STATE_WORDS, cause_name, robot_states, robot_word
 from tui.playback.panel_view import RobotChosen, View
-from tui.widgets.panel import UNICODE_SIGNS, Line, Link, PanelWidget, Rows, Signs, Span, line
+from tui.widgets.panel import (
+    UNICODE_SIGNS,
+    Line,
+    Link,
+    PanelWidget,
+    Rows,
+    Signs,
+    Span,
+    cut,
+    length,
+    line,
+)
 from tui.widgets.robot_facts import has_batteries, has_types, type_of
 from tui.widgets.zone_facts import partition_of, queued
 
+FIXED: Final = 2  # columns that are always shown: number and state
+LEAST_CAUSE: Final = len("head-on...")
+
 
 class Robots(Rows, PanelWidget):
-    """A table: the robot's number, and the columns from `first` on that fit."""
+    """A table: number and state of the robot, and the columns from `first` on that fit."""
 
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding("c", "sort(1)", "Sort by the next column", show=False),
@@ -46,7 +60,7 @@ class Robots(Rows, PanelWidget):
         self.view: View | None = None
         self.columns: list[RobotColumn] = [ROBOT_TABLE_COLUMNS[0]]
         self.column, self.greatest_first = 0, False
-        self.first = 1  # the first column after the number
+        self.first = FIXED  # the first column after those that stay
         self.order: Array = np.zeros(0, np.int64)
 
     def show(self, view: View) -> None:
@@ -68,36 +82,55 @@ class Robots(Rows, PanelWidget):
         self.columns = [one for one in ROBOT_TABLE_COLUMNS if one in before or one.there(view)]
         self.column = self.columns.index(sorted_by)
 
-    def shown(self) -> list[int]:
-        """The columns that fit."""
-        columns, room = [0], self.width - self._wide(0)
+    def shown(self) -> dict[int, int]:
+        """The widths of the columns that fit; a last one of text may be cut."""
+        widths = {at: self._wide(at) for at in range(min(FIXED, len(self.columns)))}
         for at in range(self.first, len(self.columns)):
-            room -= 1 + self._wide(at)
-            if room < 0:
+            room = self.width - sum(widths.values()) - len(widths)
+            least = self.columns[at].least or self._wide(at)
+            if room < least:
                 break
-            columns.append(at)
-        return columns
+            widths[at] = min(room, self._wide(at))
+        while len(widths) > FIXED + 1 and self._titles_end(widths) > self.width:
+            widths.popitem()
+        return widths
 
     def _wide(self, at: int) -> int:
         assert self.view is not None
         digits = len(str(len(self.view.snapshot.robots) - 1)) if at == 0 else 0
-        return max(self.columns[at].width, len(self.columns[at].title), digits) + 1
+        return max(self.columns[at].width, len(self.columns[at].title) + 1, digits)
+
+    def _titles_end(self, widths: dict[int, int]) -> int:
+        """The columns that the titles need, with the number of columns further right."""
+        last = self.columns[max(widths)]
+        total = sum(widths.values()) + len(widths) - 1
+        total -= 0 if last.right else widths[max(widths)] - len(last.title) - 1
+        hidden = len(self.columns) - 1 - max(widths)
+        return total + (len(f" +{hidden}{self.signs.beyond}") if hidden else 0)
 
     def _titles(self) -> Line:
-        """The head of the table; signs at its ends link to hidden columns."""
+        """The head of the table; numbers at its ends count hidden columns and link to them."""
         spans: list[Span] = []
-        columns = self.shown()
-        for at in columns:
+        widths = self.shown()
+        for at, wide in widths.items():
             sign = self._sign() if at == self.column else ""
-            text = _aligned(self.columns[at].title + sign, self._wide(at), self.columns[at])
-            gap = self.signs.before if at == self.first > 1 else " "
-            if at:
-                spans.append(Span(gap, "title", ("columns", -1)))
+            text = _aligned(self.columns[at].title + sign, wide, self.columns[at])
+            if at == self.first > FIXED:
+                before = f"{self.first - FIXED}{self.signs.before}"
+                spans[-1] = spans[-1]._replace(text=f"{spans[-1].text} "[: -len(before)])
+                spans.append(Span(before, "title", ("columns", -1)))
+            elif at:
+                spans.append(Span(" "))
             spans.append(Span(text, "title", ("sort", at)))
-        if columns[-1] < len(self.columns) - 1:
-            used = sum(len(span.text) for span in spans)
-            spans.append(Span(" " * max(0, self.width - used - 1)))
-            spans.append(Span(self.signs.beyond, "title", ("columns", 1)))
+        hidden = len(self.columns) - 1 - max(widths)
+        if hidden:
+            used = length(spans) - len(spans[-1].text) + len(spans[-1].text.rstrip())
+            spans[-1] = spans[-1]._replace(text=spans[-1].text.rstrip())
+            beyond = f"{hidden} more{self.signs.beyond}"
+            if used + 1 + len(beyond) > self.width:
+                beyond = f"+{hidden}{self.signs.beyond}"
+            spans.append(Span(" " * max(0, self.width - used - len(beyond))))
+            spans.append(Span(beyond, "title", ("columns", 1)))
         return tuple(spans)
 
     def _sign(self) -> str:
@@ -107,8 +140,8 @@ class Robots(Rows, PanelWidget):
         assert self.view is not None
         view, robot = self.view, int(self.order[index])
         cells = [
-            _aligned(self.columns[at].text(view, robot), self._wide(at), self.columns[at])
-            for at in self.shown()
+            _aligned(self.columns[at].text(view, robot), wide, self.columns[at])
+            for at, wide in self.shown().items()
         ]
         text = " ".join(cells)
         fleet = view.snapshot.robots
@@ -154,9 +187,8 @@ class Robots(Rows, PanelWidget):
 
     def action_columns(self, step: int) -> None:
         """Scroll the columns if not all fit."""
-        all_shown = len(self.shown()) == len(self.columns)
-        if step < 0 or (self.shown()[-1] < len(self.columns) - 1 and not all_shown):
-            self.first = max(1, min(self.first + step, len(self.columns) - 1))
+        if step < 0 or max(self.shown()) < len(self.columns) - 1:
+            self.first = max(FIXED, min(self.first + step, len(self.columns) - 1))
         if self.view is not None:
             self.show(self.view)
 
@@ -167,7 +199,9 @@ class Robots(Rows, PanelWidget):
 
 
 def _aligned(text: str, width: int, column: RobotColumn) -> str:
-    return text.rjust(width) if column.right else text[:width].ljust(width)
+    if column.right:
+        return text.rjust(width)
+    return "".join(span.text for span in cut(line(text), width)).ljust(width)
 
 
 # Columns.
@@ -177,12 +211,13 @@ class RobotColumn(NamedTuple):
     """A column; `keys` and `text` are by robot."""
 
     title: str
-    width: int  # without the sort sign
+    width: int
     keys: Callable[[View], Array]  # (n,) the sort keys
     text: Callable[[View, int], str]
     greatest_first: bool  # order at the first click
     right: bool = True
     there: Callable[[View], bool] = lambda view: True  # whether it has content
+    least: int = 0  # width to which its text may be cut; 0: never
 
 
 def ordered(view: View, column: RobotColumn, greatest_first: bool) -> Array:
@@ -236,15 +271,6 @@ def _or_blank(value: int, absent: int) -> str:
 ROBOT_TABLE_COLUMNS: Final = (
     RobotColumn("#", 1, lambda v: np.arange(len(v.snapshot.robots)), lambda v, r: str(r), False),
     RobotColumn(
-        "type",
-        8,
-        lambda v: v.run.resolved.fleet.type_of,
-        lambda v, r: kind.name[:8] if (kind := type_of(v, r)) else "",
-        False,
-        right=False,
-        there=has_types,
-    ),
-    RobotColumn(
         "doing",
         max(map(len, STATE_WORDS)),
         lambda v: robot_states(v.snapshot.robots),
@@ -260,6 +286,16 @@ ROBOT_TABLE_COLUMNS: Final = (
         lambda v, r: cause_name(v.snapshot.robots, r),
         True,
         right=False,
+        least=LEAST_CAUSE,
+    ),
+    RobotColumn(
+        "type",
+        12,
+        lambda v: v.run.resolved.fleet.type_of,
+        lambda v, r: kind.name if (kind := type_of(v, r)) else "",
+        False,
+        right=False,
+        there=has_types,
     ),
     RobotColumn(
         "battery",

@@ -58,8 +58,8 @@ def found(events: Events, view: View) -> Any:
     return view.run.event_history.events[events.listed_events(view)]
 
 
-@pytest.mark.parametrize("width", [NARROW, WIDE])
-def test_the_newest_events_up_to_the_present_are_in_sight(width: int) -> None:
+@pytest.mark.parametrize(("width", "name", "gap"), [(NARROW, "#", 1), (WIDE, "robot", 5)])
+def test_the_newest_events_up_to_the_present_are_in_sight(width: int, name: str, gap: int) -> None:
     events = Events()
 
     async def story(stage: PanelHarness, pilot: Pilot[None]) -> None:
@@ -67,10 +67,25 @@ def test_the_newest_events_up_to_the_present_are_in_sight(width: int) -> None:
         await pilot.pause()
         many = len(busy().run.event_history.events)
         assert f"{many} events" in text(events.list)
-        assert f"tick robot {many} events" in text(events.list)
-        assert said(events.list)[-1] == "▸  594     4 picks up load 13"
+        assert f"tick {name} {many} events" in text(events.list)
+        assert said(events.list)[-1] == f"▸  594{' ' * gap}4 picks up load 13"
 
     run_in_harness(events, story, width, 30)
+
+
+def test_an_event_that_is_too_long_shows_that_it_is_cut_and_no_other_number() -> None:
+    events = Events()
+
+    async def story(stage: PanelHarness, pilot: Pilot[None]) -> None:
+        events.show(busy())
+        await pilot.pause()
+        shown = [" ".join(row.strip("▸ ").split()[2:]) for row in said(events.list)[1:]]
+        assert "takes order 24" in shown and any(row.endswith("...") for row in shown)
+        whole = {event_words(Event(*row)) for row in busy().run.event_history.events.tolist()}
+        known = tuple(f"{one} " for one in whole)
+        assert all(row in whole or any(one.startswith(row[:-3]) for one in known) for row in shown)
+
+    run_in_harness(events, story, 26, 60)
 
 
 def test_the_present_moves_and_what_is_to_come_is_dim() -> None:

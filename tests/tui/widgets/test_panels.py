@@ -29,7 +29,7 @@ from tui.widgets.inspector import Inspector
 from tui.widgets.legend_panel import Legend
 from tui.widgets.metrics_panel import Figures
 from tui.widgets.panel import UNICODE_SIGNS as SIGNS
-from tui.widgets.panel import bar, line, linked, robot_link, signs_of, wrapped
+from tui.widgets.panel import Line, bar, broken, cut, line, linked, robot_link, signs_of, wrapped
 from tui.widgets.panel_column import PanelColumn, panel_widgets
 
 LOOK = Look(Depth.TRUE)
@@ -188,6 +188,48 @@ def test_lines_break_between_words_and_never_within_a_link() -> None:
     made = wrapped(line("because ", robot_link(12), " waits, it stays"), 16, indent=2)
     texts = ["".join(span.text for span in spans) for spans in made]
     assert texts == ["because robot 12", "  waits, it", "  stays"]
+
+
+def plain(spans: Line) -> str:
+    return "".join(span.text for span in spans)
+
+
+def test_a_line_that_is_too_long_says_so_and_never_cuts_a_number() -> None:
+    trip = line("  12 picks up the pod of trip 99")
+    assert cut(trip, 32) == trip
+    assert plain(cut(trip, 31)) == "  12 picks up the pod of..."
+    assert plain(cut(trip, 20)) == "  12 picks up the..."
+    assert plain(cut(line("53 of 4,000, ", robot_link(34)), 12)) == "53 of..."
+    assert plain(cut(line("1,234,567"), 6)) == "..."
+    assert plain(cut(line("unconditional"), 10)) == "uncondi..."
+    assert cut(line("12  "), 2) == line("12  "), "blanks are no loss"
+
+
+def test_a_long_line_of_a_panel_goes_on_below_its_last_column() -> None:
+    made = broken(line("lines done   53 of 4,000, 34 trips"), 32)
+    assert [plain(one) for one in made] == ["lines done   53 of 4,000, 34 ", " " * 13 + "trips"]
+    made = broken(line("  waits for ", robot_link(12), " and more"), 17)
+    assert [plain(one) for one in made] == ["  waits for ", "  robot 12 and", "  more"]
+    assert broken(line("fits"), 4) == [line("fits")]
+
+
+def test_no_line_of_the_figures_is_cut_and_whole_parts_end_the_same() -> None:
+    figures = Figures()
+
+    async def story(stage: PanelHarness, pilot: Pilot[None]) -> None:
+        view = moment(40, "goods-mini")
+        figures.show(view)
+        await pilot.pause()
+        words = " ".join(" ".join(plain(one) for one in figures.panel_lines(view, 24)).split())
+        assert " ".join(" ".join(map(plain, figures.lines)).split()) == words
+        assert max(len(plain(one).rstrip()) for one in figures.lines) <= 24
+        figures.show(replace(view, layer="visits"))
+        lines = len(figures.panel_lines(view, 24))
+        assert len(figures.lines) > lines == figures.ends[-1]
+        figures.write(figures.panel_lines(view, 24))
+        assert figures.ends[-1] == len(figures.lines)
+
+    run_in_harness(figures, story, 26)
 
 
 def test_robots_and_cells_of_a_sentence_become_links() -> None:

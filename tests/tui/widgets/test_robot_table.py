@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import fields, replace
 
 import numpy as np
@@ -123,9 +124,29 @@ def test_keys_sort_and_show_other_columns() -> None:
         await pilot.press(*["left"] * 10)
         assert said(robots)[0].split()[1] == "doing"
         await pilot.press("right")
-        assert "waits" in said(robots)[0] and "doing" not in said(robots)[0]
+        assert said(robots)[0].split() == ["#", "doing", "1◃cause", "6", "more▹"]
 
     run_in_harness(robots, story, NARROW, 20)
+
+
+@pytest.mark.parametrize("width", range(NARROW - 3, 60, 3))
+def test_a_narrow_table_says_who_waits_how_long_and_why(width: int) -> None:
+    robots = Robots()
+
+    async def story(stage: PanelHarness, pilot: Pilot[None]) -> None:
+        robots.show(deadlocked())
+        await pilot.pause()
+        titles = said(robots)[0].split()
+        assert titles[:4] == ["#▴", "doing", "waits", "cause"]
+        shown = [title for title in titles if title in TITLES]
+        hidden = re.search(r"(\d+)( more)?▹$", said(robots)[0])
+        assert hidden and int(hidden[1]) == len(TITLES) - 1 - len(shown)
+        assert rows_of(robots)[2][3] in ("head-on", "head-on...")
+        robots.sort_by(3)
+        assert "cause▾" in said(robots)[0] and "▹" in said(robots)[0]
+        assert all(len(row) <= robots.width for row in said(robots))
+
+    run_in_harness(robots, story, width, 20)
 
 
 def test_a_narrow_table_leads_on_by_mouse() -> None:
@@ -134,11 +155,12 @@ def test_a_narrow_table_leads_on_by_mouse() -> None:
     async def story(stage: PanelHarness, pilot: Pilot[None]) -> None:
         robots.show(deadlocked())
         await pilot.pause()
-        assert said(robots)[0].endswith("▹") and "cell" not in said(robots)[0]
+        assert said(robots)[0].endswith(" 6 more▹") and "cell" not in said(robots)[0]
         for _ in range(6):
             await pilot.click(robots, offset=(robots.width, 0))
         await pilot.pause()
-        assert "ops" in said(robots)[0] and "◃" in said(robots)[0]
+        assert "ops" in said(robots)[0] and said(robots)[0].startswith("#▴ doing  6◃")
+        assert "more" not in said(robots)[0] and rows_of(robots)[1][:2] == ["1", "waiting"]
         assert all(len(row) <= robots.width for row in said(robots))
 
     run_in_harness(robots, story, NARROW, 20)

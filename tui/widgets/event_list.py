@@ -324,7 +324,7 @@ class Filter(TypedInput):
 
     def __init__(self) -> None:
         super().__init__(
-            placeholder="F: filter (robot 3, parked)", compact=True, select_on_focus=False
+            placeholder="F filters, e.g. robot 3, parked", compact=True, select_on_focus=False
         )
 
     def action_leave(self) -> None:

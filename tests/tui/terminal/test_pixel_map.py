@@ -390,7 +390,7 @@ def test_an_answer_that_arrives_late_is_no_key(tmp_path: Path) -> None:
 
 
 def test_a_slow_link_gets_text_and_says_so_once(tmp_path: Path) -> None:
-    link = TerminalLink(bytes_per_second=5_000, round_trip=0.05)
+    link = TerminalLink(bytes_per_second=10_000, round_trip=0.05)
     command = ("watch", "tabletop-mini", "--no-record", "--speed", "2", "--pixels", "auto")
     with automaton(tmp_path, *command, graphics="kitty", link=link) as session:
         session.wait_for_text("pixels are too slow here")

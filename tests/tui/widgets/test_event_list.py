@@ -292,7 +292,7 @@ def test_the_panel_names_the_key_of_its_filter() -> None:
     async def story(stage: PanelHarness, pilot: Pilot[None]) -> None:
         events.show(busy())
         await pilot.pause()
-        assert "F: filter (robot 3, parked)" in said(events.query_one(Filter))[0]
+        assert "F filters, e.g. robot 3, parked" in said(events.query_one(Filter))[0]
 
     run_in_harness(events, story, NARROW, 30)
 

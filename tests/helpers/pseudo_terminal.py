@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 import pyte
 from pyte.screens import Char
+from terminal_replay import cell_at, seen
 
 from tui.render.encode import encode
 from tui.render.styles import Look
@@ -82,16 +83,21 @@ class Replay:
 def wrong_cells(
     screen: pyte.Screen, reference: pyte.Screen, top: int = 0, left: int = 0
 ) -> set[tuple[int, int]]:
-    """Cells (row, column) whose character, colours or weight are not those of the reference.
+    """Cells (row, column) that do not look like those of the reference.
 
     The reference's first cell belongs at (top, left) of the screen.
     """
     blank = Char(" ")
-    return {
+    wrong = {
         (top + y, left + x)
         for y in range(reference.lines)
         for x in range(reference.columns)
         if screen.buffer[top + y].get(left + x, blank) != reference.buffer[y].get(x, blank)
+    }
+    return {
+        (row, column)
+        for row, column in wrong
+        if seen(cell_at(screen, row, column)) != seen(cell_at(reference, row - top, column - left))
     }
 
 

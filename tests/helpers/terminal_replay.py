@@ -96,5 +96,14 @@ def wrong_cells(
     return [
         (row, column)
         for row, column in np.ndindex(*codes.shape)
-        if cell_at(screen, top + row, left + column) != cell_of(codes[row, column], look, glyphs)
+        if seen(cell_at(screen, top + row, left + column))
+        != seen(cell_of(codes[row, column], look, glyphs))
     ]
+
+
+def seen(cell: Cell) -> Cell:
+    """The same without what a blank does not show: its weight and, unless underlined, its ink."""
+    if cell.character != " ":
+        return cell
+    ink, paper = (cell.paper, cell.ink) if cell.reverse else (cell.ink, cell.paper)
+    return cell._replace(ink=ink if cell.underline else "", paper=paper, bold=False)

@@ -135,6 +135,11 @@ def with_half_rows(rows: Codes, glyphs: GlyphSet) -> Codes:
     pairs = rows.reshape(-1, 2, rows.shape[1])
     grounds = (pairs >> np.uint32(GLYPH_BITS)) % np.uint32(len(styles.COLOUR_TABLE))
     shared = fleet.paired(glyphs, grounds[:, 0], grounds[:, 1])
+    low, high = np.minimum(grounds[:, 0], grounds[:, 1]), np.maximum(grounds[:, 0], grounds[:, 1])
+    two = (low > styles.COLOUR_FLOOR) & (low < high)
+    # One style for two colours, whichever is above.
+    signs = np.where(grounds[:, 0] < grounds[:, 1], glyphs.upper_half, glyphs.lower_half)
+    shared = np.where(two, code(style(low, high), signs), shared)
     if not glyphs.shaded:  # the style of the robot's sign, which costs no bytes
         for beside, body, sign in ((1, 0, glyphs.lower_half), (0, 1, glyphs.upper_half)):
             inked = np.isin(grounds[:, body], SIGN_STYLED if body else list(styles.ROBOT_COLOURS))

@@ -5,7 +5,8 @@ A terminal receives the difference between two pictures:
     SGR of the selection  move cell  SGR of loaded robots  move cell cell move cell ...  SGR of floor ...
 
 Each style is set once, in order of rank, so that robots appear in their new cells before they vanish
-from the old ones: a picture torn in the middle may show a robot twice, but never omits one. Within a
+from the old ones: a picture torn in the middle may show a robot twice, but never omits one. A blank
+shows only its ground, so it is written in a style with this ground that other cells need. Within a
 style, cells are written row by row. Terminals differ in where the cursor is after the last column, so
 that the next move is absolute.
 
@@ -26,6 +27,7 @@ from numpy.typing import NDArray
 from rich.cells import cell_len
 
 from tui.render.styles import (
+    COLOUR_LOAD,
     COLOUR_TEXT,
     COLOUR_VOID,
     GLYPH_BITS,
@@ -34,6 +36,8 @@ from tui.render.styles import (
     Codes,
     GlyphSet,
     Look,
+    code,
+    prominence,
     style,
 )
 
@@ -81,6 +85,8 @@ def encode(
         return ""
     moves = _moves(_rounded(max(top + new.shape[0], left + new.shape[1])))
     width = new.shape[1]
+    flat = flat.copy()
+    flat[changed] = _with_shared_blanks(flat[changed], look, glyphs)
     ranks = look.rank[flat[changed] >> np.uint32(GLYPH_BITS)]
     changed = changed[np.argsort(ranks, kind="stable")]
     painting = _painting(flat, changed, width, look, glyphs, moves, (top, left))
@@ -88,6 +94,26 @@ def encode(
         whole = _painting(flat, np.arange(flat.size), width, look, glyphs, moves, (top, left))
         painting = min(painting, whole, key=lambda one: one.size)
     return _text(painting)
+
+
+def _with_shared_blanks(codes: NDArray[np.uint32], look: Look, glyphs: GlyphSet) -> Codes:
+    """The codes, with blanks in styles of other cells where that looks the same.
+
+    Blank floor is written with signs of cells, not with overlays and robots: those come first.
+    """
+    styles = codes >> np.uint32(GLYPH_BITS)
+    blank = _characters(glyphs.characters).bytes[codes & GLYPHS] == ord(" ")
+    needed = np.flatnonzero(np.bincount(styles[~blank])).tolist()
+    for own in np.flatnonzero(np.bincount(styles[blank])).tolist():
+        latest = max(prominence(own), COLOUR_LOAD)
+        shared = [
+            other
+            for other in needed
+            if prominence(other) <= latest and look.blank(other) == look.blank(own)
+        ]
+        if shared and own not in needed:
+            styles[blank & (styles == own)] = max(shared, key=lambda one: look.rank[one])
+    return code(styles, codes & GLYPHS)
 
 
 def _least(flat: NDArray[np.uint32], look: Look, glyphs: GlyphSet) -> int:
@@ -129,8 +155,8 @@ def _changes_of_style(styles: NDArray[np.uint32], look: Look) -> tuple[list[int]
     starts: list[int] = []
     sgrs = [""]
     firsts = [0, *(np.flatnonzero(styles[1:] != styles[:-1]) + 1).tolist()]
-    for first, code in zip(firsts, styles[firsts].tolist(), strict=True):
-        sgr = look.sgr(code)
+    for first, number in zip(firsts, styles[firsts].tolist(), strict=True):
+        sgr = look.sgr(number)
         if sgr != sgrs[-1]:
             starts.append(first)
             sgrs.append(sgr)

@@ -44,7 +44,7 @@ GLYPHS: Final = np.uint32((1 << GLYPH_BITS) - 1)
 _PRINTABLE: Final = " " * 32 + "".join(map(chr, range(32, 127))) + " "
 # By the quarters that are filled: 1 upper left, 2 upper right, 4 lower left, 8 lower right.
 QUARTER_SIGNS: Final = " ▘▝▀▖▌▞▛▗▚▐▜▄▙▟█"
-BRAILLE: Final = "".join(map(chr, range(0x2800, 0x2900)))
+BRAILLE: Final = " " + "".join(map(chr, range(0x2801, 0x2900)))  # a blank has one byte
 # By row and column of a dot; a character's index in BRAILLE is the sum over its set dots.
 DOT_BITS: Final = np.array([[0x01, 0x08], [0x02, 0x10], [0x04, 0x20], [0x40, 0x80]], np.uint8)
 _unicode = list(_PRINTABLE)
@@ -398,6 +398,11 @@ def style(fg: int | NDArray[Any], bg: int | NDArray[Any]) -> int | NDArray[np.ui
     return styles + np.asarray(bg, np.uint32)
 
 
+def prominence(style: int) -> int:
+    """The more prominent colour of a style: its higher row of the table."""
+    return max(divmod(style, len(COLOUR_TABLE)))
+
+
 def with_background(codes: Codes, bg: int | NDArray[Any]) -> Codes:
     """The same glyphs and foregrounds on another background."""
     styles = codes >> np.uint32(GLYPH_BITS)
@@ -431,6 +436,7 @@ class Look:
         self.rank += np.arange(STYLE_COUNT, dtype=np.int32)
         self._sgr: dict[int, str] = {}
         self._rich: dict[int, Style] = {}
+        self._blank: dict[int, tuple[int | None, ...]] = {}
 
     def sgr(self, style: int) -> str:
         """The sequence that sets this style, independent of the previous one."""
@@ -438,6 +444,16 @@ class Look:
         if sgr is None:
             sgr = self._sgr[style] = self._made_sgr(style)
         return sgr
+
+    def blank(self, style: int) -> tuple[int | None, ...]:
+        """What is seen of a blank in this style: equal for styles whose blanks look the same."""
+        blank = self._blank.get(style)
+        if blank is None:
+            _, underline, reverse = self.attributes(style)
+            fg, bg = self.pair(style) if self.depth != Depth.NONE else (0, 0)
+            ground, ink = (fg, bg) if reverse else (bg, fg)
+            blank = self._blank[style] = ground, reverse, ink if underline else None
+        return blank
 
     def rich(self, style: int) -> Style:
         """The style for Rich and Textual."""

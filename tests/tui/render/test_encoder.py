@@ -21,6 +21,7 @@ from tui.render.styles import (
     COLOUR_LOADED,
     COLOUR_ROBOT,
     COLOUR_SHELF,
+    COLOUR_VOID,
     STYLE_COUNT,
     UNICODE,
     Codes,
@@ -221,3 +222,33 @@ def test_a_row_that_two_cells_share_needs_no_styles_of_its_own() -> None:
         old, new = (composed(make_scene(floor_plan, *fleet), zoom)[0] for fleet in (robots, moved))
         counts.append(encode(new, old, Look(Depth.TRUE), UNICODE).count("m"))
     assert counts[0] == counts[1]
+
+
+def test_a_blank_is_written_in_a_style_that_other_cells_need() -> None:
+    """It shows only its ground; but no robot vanishes before others appear."""
+    look, old = Look(Depth.SIXTEEN), floor(1, 8)
+    robot, mark = style(COLOUR_FLOOR, COLOUR_ROBOT), style(COLOUR_FLOOR_MARK, COLOUR_FLOOR)
+    blanks = style(COLOUR_VOID, COLOUR_ROBOT), style(COLOUR_FLOOR, COLOUR_FLOOR)
+    new = old.copy()
+    new[0, :2] = code(robot, ord("R")), code(blanks[0], UNICODE.blank)
+    new[0, 4] = code(blanks[1], UNICODE.braille[0])
+    alone = encode(new, old, look, UNICODE)
+    expected = f"{look.sgr(robot)}\x1b[HR {look.sgr(blanks[1])}\x1b[2C \x1b[0m"
+    assert alone == expected, "blank floor is not written with the robot"
+    new[0, 3] = code(mark, ord(","))
+    beside = encode(new, old, look, UNICODE)
+    assert beside == f"{look.sgr(robot)}\x1b[HR {look.sgr(mark)}\x1b[C, \x1b[0m"
+
+
+def test_two_robots_in_one_row_of_characters_share_a_style_whichever_is_above() -> None:
+    floor_plan = open_floor(2, 2)
+    upper, lower = (
+        make_scene(
+            floor_plan,
+            {"cell": floor_plan.cell(0, 0), "load": load},
+            {"cell": floor_plan.cell(0, 1), "load": -1 - load},
+        )
+        for load in (0, -1)
+    )
+    shared = [composed(scene, "3x1.5")[0][1, 1] >> 16 for scene in (upper, lower)]
+    assert shared[0] == shared[1]

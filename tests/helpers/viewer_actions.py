@@ -18,6 +18,7 @@ from tui.render import styles
 from tui.render.styles import GLYPH_BITS
 from tui.viewer.app import Viewer
 from tui.widgets.bindings import COMPARING, HelpScreen
+from tui.widgets.panel import Rows
 
 __all__ = ["map_cases"]
 
@@ -341,6 +342,33 @@ async def panels(user: Watched) -> None:
     await user.until(lambda: side.display and not maps.display)
     await press(user, "panels")
     await user.until(lambda: not side.display and maps.display)
+
+
+async def open_legend(user: Watched) -> Rows:
+    """The legend beside the map, which has the focus and the keys."""
+    user.app.panels.open("legend")
+    legend: Rows = user.display.column.panels["legend"]
+    await user.until(lambda: legend.max_scroll_y > 0)
+    assert user.app.focused is user.display.maps[0]
+    return legend
+
+
+@check
+async def scroll_down(user: Watched) -> None:
+    legend = await open_legend(user)
+    await press(user, "scroll_down")
+    await user.until(
+        lambda: legend.scroll_offset.y == min(legend.lines_for_rows, legend.max_scroll_y) > 0
+    )
+
+
+@check
+async def scroll_up(user: Watched) -> None:
+    legend = await open_legend(user)
+    legend.scroll_end(animate=False)
+    await user.until(lambda: legend.scroll_offset.y == legend.max_scroll_y)
+    await press(user, "scroll_up")
+    await user.until(lambda: legend.scroll_offset.y < legend.max_scroll_y)
 
 
 @check

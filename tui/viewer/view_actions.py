@@ -254,7 +254,13 @@ class PanelActions:
             panel.action: partial(self._open_by_key, name)
             for name, panel in panels().by_name.items()
         }
-        return {**opening, "panels": self._turn, "compare_side": self._change_side}
+        return {
+            **opening,
+            "panels": self._turn,
+            "compare_side": self._change_side,
+            "scroll_down": partial(self._scroll, 1),
+            "scroll_up": partial(self._scroll, -1),
+        }
 
     def _open_by_key(self, name: str) -> None:
         before = None if self._closes(name) else self.before.get(name)
@@ -348,6 +354,13 @@ class PanelActions:
 
     def _turn(self) -> None:
         self.show({"off": "side", "side": "full", "full": "off"}[self._seen])
+
+    def _scroll(self, pages: int) -> None:
+        column = self._display.column
+        if column is None or not column.is_on_screen:
+            self._session.notify("no panel is open: p opens the panels")
+        else:
+            column.scroll_pages(pages)
 
     def _change_side(self) -> None:
         session, choice = self._session, self._session.choice

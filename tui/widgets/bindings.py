@@ -40,6 +40,8 @@ KEY_NAMES: Final = {
     "minus": "-",
     "question_mark": "?",
     "escape": "esc",
+    "pagedown": "pgdn",
+    "pageup": "pgup",
 }
 
 MOUSE = (
@@ -158,6 +160,10 @@ _FIXED: Final = (
         "Panels",
         (
             Action("panels", "p", "Panels", "panels off, beside or instead of map", True),
+            Action(
+                "scroll_down", "pagedown", "Scroll panel", "scroll the open panel a page down", True
+            ),
+            Action("scroll_up", "pageup", "Scroll back", "scroll the open panel a page up"),
             Action("compare_side", "o", "Other run", "panels show the other run"),
             Action(
                 "next_difference", "x", "Difference", "to the first tick at which two runs differ"

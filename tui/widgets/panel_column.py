@@ -110,6 +110,12 @@ class PanelColumn(Container):
         if focus:
             self.panels.get(name, self.figures).focused_part.focus()
 
+    def scroll_pages(self, pages: int) -> None:
+        """Scroll the open panel, whatever has the focus."""
+        part = self.panels.get(self.tabs.open, self.figures).focused_part
+        rows = part.lines_for_rows if isinstance(part, Rows) else part.size.height
+        part.scroll_relative(y=pages * rows, animate=False, force=True)
+
     def listed_events(self, view: View) -> Array | None:
         """(M,) int64 ascending indices of listed events; None: no panel lists events."""
         lists = (panel.listed_events(view) for panel in self.panels.values())

@@ -357,7 +357,9 @@ def layer_signs(scene: Scene, camera: Camera, glyphs: GlyphSet) -> Codes | None:
     if zoom.is_enlarged:
         rows, columns = np.arange(part.top, part.bottom), np.arange(part.left, part.right)
         y = middle_cell(rows, zoom.down, zoom.height)
-        return np.asarray(signs[np.ix_(y, middle_cell(columns, zoom.across, zoom.width))])
+        x = middle_cell(columns, zoom.across, zoom.width)
+        most = np.array(signs.shape) - 1  # the last character may extend beyond the last cell
+        return np.asarray(signs[np.ix_(np.minimum(y, most[0]), np.minimum(x, most[1]))])
     return signs[part.top : part.bottom, part.left : part.right]
 
 

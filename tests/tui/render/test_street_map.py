@@ -22,7 +22,13 @@ from automaton.world.resolve import resolve
 from tui.layers.streets import WAIT_LEVELS, StreetWaits, arrow_codes
 from tui.playback.run_source import live
 from tui.render import styles
-from tui.render.camera import Camera, shown_rectangle
+from tui.render.camera import (
+    ZOOM_ENLARGED,
+    ZOOM_ONE_TO_ONE,
+    ZOOM_ROW_AND_HALF,
+    Camera,
+    shown_rectangle,
+)
 from tui.render.compose import compose
 from tui.render.layer import scale_line
 from tui.render.scene import Scene
@@ -61,6 +67,16 @@ def test_a_cell_shows_its_cheaper_direction_and_another_head_where_the_way_back_
     assert picture(scene) == ["⇢⇢⇢⇢⇢⇣", "⇡░░░░⇣", "⇡....⇣", "⇡░░░░⇣", ".↞↞↞↞↞"]
     assert picture(scene, glyphs=ASCII) == ["eeeees", "n%%%%s", "n....s", "n%%%%s", ".WWWWW"]
     assert not set(ONE_WAY_SIGNS[1]) & {ASCII.characters[glyph] for glyph in ASCII.robot}
+
+
+@pytest.mark.parametrize("height", range(1, 7))
+def test_a_floor_of_any_height_shows_its_streets_at_every_zoom(height: int) -> None:
+    """A last character may extend beyond the last cell."""
+    floor_plan = streets_on(open_floor(5, height), (Street(row=0, east=0.5, west=2),)).floor()
+    for step in (ZOOM_ONE_TO_ONE, ZOOM_ENLARGED, ZOOM_ROW_AND_HALF):
+        rows = picture(street_scene(floor_plan), step.name)
+        if step.name in ("1x1", "1.5x0.75"):
+            assert "⇢" in rows[0] and "⇢" not in "".join(rows[1:])
 
 
 def test_weights_and_closed_moves_differ_in_shape_not_in_colour_alone() -> None:

@@ -28,8 +28,11 @@ def kept(resolved: Resolved, key: Any) -> Path | None:
     """The file of a run, if its scenario says all about it: a strategy of a test may change."""
     if FOLDER not in os.environ or any(":" in choice.name for _, choice in resolved.choices):
         return None
-    floor = resolved.floor_plan
-    parts = repr(key[:-1]), key[-1].__qualname__, floor.kind.tobytes(), floor.exits.tobytes()
+    name, floor = getattr(key[-1], "__qualname__", "<with arguments>"), resolved.floor_plan
+    if "<" in name:  # what such a function does is not said by its name
+        return None
+    conduct = f"{key[-1].__module__}.{name}"
+    parts = repr(key[:-1]), conduct, floor.kind.tobytes(), floor.exits.tobytes()
     return Path(os.environ[FOLDER], hashlib.sha256(repr(parts).encode()).hexdigest())
 
 

@@ -7,7 +7,7 @@ from typing import Final
 import msgspec
 import numpy as np
 
-from automaton.drawings.looks import LOW_CHARGE
+from automaton.drawings.looks import LOW_CHARGE, directions
 from automaton.engine import observation as codes
 from automaton.engine.observation import (
     CAUSE_NOT_WAITING,
@@ -79,11 +79,12 @@ from tui.widgets.zone_facts import robot_zone
 BAR_WIDTH: Final = 16  # columns of a full battery's bar
 MAX_QUEUE_LINES: Final = 12  # listed robots of a queue; of more, only the number is given
 LAST_EVENTS: Final = 5
+ON_RAILS: Final = 2  # headings of a robot that drives forwards and backwards
 
 
 def robot_lines(view: View, robot: int, width: int, signs: Signs = UNICODE_SIGNS) -> list[Line]:
     """All facts about a robot."""
-    fleet, floor_plan = view.snapshot.robots, view.floor_plan
+    fleet = view.snapshot.robots
     state = Span(f" {_state(view, robot)}", _look(view, robot))
     lines = wrapped(line(title(f"robot {robot}"), state), width, indent=2)
     facts: Facts = [
@@ -102,8 +103,7 @@ def robot_lines(view: View, robot: int, width: int, signs: Signs = UNICODE_SIGNS
         ("streets", [said] if (said := detour_words(view.snapshot, robot)) else []),
         ("priority", [str(int(fleet.priority[robot]))]),
         *robot_zone(view, robot),
-        ("home", [cell_link(floor_plan, int(fleet.home[robot]))]),
-        ("bay", [] if fleet.bay[robot] == NIL else [cell_link(floor_plan, int(fleet.bay[robot]))]),
+        ("home", _home(view, robot)),
         ("so far", _so_far(view, robot)),
     ]
     return [*lines, *fact_lines(facts, width), (), *_last_events(view, robot)]
@@ -179,7 +179,20 @@ def _heading(view: View, robot: int) -> str:
     fleet = view.snapshot.robots
     types = view.run.resolved.fleet.types
     own = types[int(fleet.type[robot]) % len(types)]  # types with a load follow
-    return HEADING_WORDS[own.headings][int(fleet.heading[robot])] or "none: it never turns"
+    words = HEADING_WORDS[own.headings][int(fleet.heading[robot])] or "none: it never turns"
+    if own.headings != ON_RAILS:
+        return words
+    front = directions(fleet, [one.headings for one in types])[robot]  # as on the map
+    return f"{HEADING_WORDS[4][front]}, on rails {words}"
+
+
+def _home(view: View, robot: int) -> Parts:
+    """The robot's home, and the parking bay that opens on it, if any."""
+    fleet, floor_plan = view.snapshot.robots, view.floor_plan
+    parts: Parts = [cell_link(floor_plan, int(fleet.home[robot]))]
+    if fleet.bay[robot] != NIL:
+        parts += [", at its parking bay ", cell_link(floor_plan, int(fleet.bay[robot]))]
+    return parts
 
 
 def _task(view: View, robot: int) -> Facts:
@@ -204,7 +217,7 @@ def _load(view: View, robot: int) -> Parts:
     target = int(view.snapshot.orders.target[load])
     if target == NIL:
         return [order_link(load, "load")]
-    return [order_link(load, "load"), " for ", _slot(view, target)]
+    return [order_link(load, "load"), ", destination ", _slot(view, target)]
 
 
 def _slot(view: View, slot: int) -> Span:
@@ -247,7 +260,13 @@ def _goal(view: View, robot: int) -> Parts:
         slot = NIL if order == NIL else int(orders.current_slot[order])
     words = ("to store its pod", "to lift a pod") if has_pods(view) else ("to drop", "to pick up")
     parts: Parts = [words[goal != GOAL_DROP]]
-    return parts if slot == NIL else [*parts, " at ", _slot(view, slot)]
+    load = int(fleet.load[robot])
+    if slot == NIL:
+        return parts
+    parts += [" at ", _slot(view, slot)]
+    if goal == GOAL_DROP and load != NIL and not has_pods(view) and slot != orders.target[load]:
+        parts.append(" on the way; it is picked up again there")
+    return parts
 
 
 def _route(view: View, robot: int) -> Parts:

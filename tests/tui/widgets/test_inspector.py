@@ -21,7 +21,9 @@ from panel_harness import (
 )
 from textual.pilot import Pilot
 
-from automaton.engine.state import NIL
+from automaton.drawings.looks import directions
+from automaton.engine.state import GOAL_DROP, NIL
+from automaton.floor.floor_plan import DIRECTIONS
 from tui.widgets.inspector import Inspector
 
 
@@ -36,18 +38,32 @@ def test_a_robot_is_told_with_all_that_it_does(width: int) -> None:
     for words in (
         "robot 1 is picking up load 6 for 1 more tick",
         "cell (2, 7) track",
-        "heading north-south",
-        "load load 6 for (11, 8)",
+        "heading north, on rails north-south",
+        "load load 6, destination (11, 8)",
         "order order 6",
-        "goal to drop at (5, 7)",
+        "goal to drop at (5, 7) on the way; it is picked up again there",
         "route 0 cells to (4, 7)",
         "priority 0",
-        "home (0, 1)",
-        "bay (-1, 1)",
+        "home (0, 1), at its parking bay (-1, 1)",
         "active 100 %",
         "last events 593 picks up load 6 536 takes order 6 527 drops load 5",
     ):
         assert words in said_then
+
+
+def test_a_goal_says_whether_it_is_the_destination_and_a_heading_what_the_map_shows() -> None:
+    ways = set()
+    for view in (busy(), moment(560, "tabletop-1", "fleet.robots=5")):
+        robots, orders = view.snapshot.robots, view.snapshot.orders
+        fronts = directions(robots, [2])
+        for robot in range(5):
+            said_then = shown(Inspector(), of_robot(view, robot), WIDE)
+            assert f"heading {DIRECTIONS[fronts[robot]]}, on rails " in said_then
+            if robots.goal_type[robot] == GOAL_DROP:
+                is_last = robots.slot[robot] == orders.target[robots.load[robot]]
+                assert ("on the way; it is picked up again" in said_then) != is_last
+                ways.add(bool(is_last))
+    assert ways == {False, True}
 
 
 def test_a_waiting_robot_names_cell_and_blocker() -> None:

@@ -68,11 +68,11 @@ CELL_COLOURS = {  # by kind of cell
     STORAGE: styles.COLOUR_FLOOR_MARK,
 }
 
-# At small zooms a cell is a block of dots, with more ink than a sign: shelves and storage cells then
-# take the colours of marks, so that robots stand out.
+# At small zooms shelves and storage are blocks of dots like walls. They have the hue of loads, so that
+# they differ from walls; it is faint, so that robots stand out.
 STORING_KINDS = (SHELF, RACK, STORAGE)
-FAR_SHELF = styles.COLOUR_FLOOR_MARK
-FAR_LOAD = styles.COLOUR_RACK
+FAR_SHELF = styles.COLOUR_FAR_SHELF
+FAR_LOAD = styles.COLOUR_LOAD
 
 DRIVEN = (FLOOR, TRACK, TURNTABLE)
 

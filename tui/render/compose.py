@@ -530,7 +530,10 @@ def floor_in_pixels(floor: ShownFloor, shown: CellRectangle, zoom: Zoom | None) 
     else:
         dots = CHARACTER_DOTS["pixels"]
         standing = standing_dots(floor, shown, zoom, dots)
-        pixels = np.where(standing, np.uint8(FAR_SHELF), np.uint8(styles.COLOUR_FLOOR))
+        shelves = dot_blocks(np.isin(kind, STORING_KINDS), zoom, dots)
+        walls = dot_blocks(kind == WALL, zoom, dots) > shelves
+        pixels = np.where(walls, np.uint8(styles.COLOUR_WALL), np.uint8(FAR_SHELF))
+        pixels[~standing] = styles.COLOUR_FLOOR
         for station in STATION_KINDS:
             pixels[dot_blocks(kind == station, zoom, dots) > 0] = CELL_COLOURS[station]
     return np.pad(pixels, ((0, len(pixels) % 2), (0, 0)), constant_values=styles.COLOUR_FLOOR)

@@ -317,6 +317,7 @@ COLOUR_FLOOR_MARK: Final = _row("floor mark", (0x626262, 241, 8), (0x919191, 246
 COLOUR_TRACK: Final = _row("track", (0x767676, 243, 8), (0x828282, 244, 8))
 COLOUR_FLOW: Final = _row("direction", (0x5F8787, 66, 6), (0x5F8787, 66, 8))
 COLOUR_WALL: Final = _row("wall", (0x6C6C6C, 242, 8), (0x585858, 240, 8))
+COLOUR_FAR_SHELF: Final = _row("storage from afar", (0x86654A, 95, 3), (0xB08860, 137, 8))
 COLOUR_RACK: Final = _row("rack", (0x858585, 245, 8), (0x767676, 243, 8))
 COLOUR_SHELF: Final = _row("shelf", (0x949494, 246, 7), (0x6C6C6C, 242, 8))
 COLOUR_BAY: Final = _row("bay", (0x7A7AA8, 103, 8), (0x7474A0, 61, 8))

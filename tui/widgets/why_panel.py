@@ -43,7 +43,7 @@ from tui.widgets.panel import (
 )
 
 CAUSE_LETTERS: Final = ".QHWDIVLBwFRopriPebszhSdkycgnlt"  # by cause; capitals count as blocked
-MAKING_WAY: Final = len(CAUSES)  # the kind of lost time that is no wait
+MAKING_WAY: Final = len(CAUSES)  # a kind of lost time without waiting
 UNDONE: Final = "{robot} moves to where later moves lead it back from, or turns in vain"
 LOST_KINDS: Final = (*CAUSES, Cause("making way", UNDONE, "", True))
 KIND_LETTERS: Final = f"{CAUSE_LETTERS}M"

@@ -58,9 +58,9 @@ def test_from_afar_docks_are_stations_and_racks_are_faint(zoom):
     codes, _ = composed(scene, zoom)
     foregrounds = {fg(code) for code in codes.reshape(-1) if signs(np.array([code]))[0] not in " ⠀"}
     assert (
-        {styles.COLOUR_DOCK, styles.COLOUR_FLOOR_MARK}
+        {styles.COLOUR_DOCK, styles.COLOUR_FAR_SHELF}
         <= foregrounds
-        <= {styles.COLOUR_DOCK, styles.COLOUR_FLOOR_MARK, styles.COLOUR_WALL}
+        <= {styles.COLOUR_DOCK, styles.COLOUR_FAR_SHELF, styles.COLOUR_WALL}
     )
 
 

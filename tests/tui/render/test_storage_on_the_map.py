@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 from render_scenes import composed, drawn, fg, make_scene, text
 
@@ -43,6 +44,31 @@ def test_from_afar_storage_is_faint(zoom: str) -> None:
     shown = {fg(code) for code in codes.reshape(-1)}
     assert shown & {FAR_SHELF, FAR_LOAD}
     assert shown <= {FAR_SHELF, FAR_LOAD, styles.COLOUR_FLOOR, styles.COLOUR_WALL}
+
+
+def test_from_afar_storage_has_the_hue_of_loads_and_walls_are_grey() -> None:
+    """Storage lacks blue, which people blind for red or green see."""
+    for theme in ("dark", "light"):
+        look = styles.Look(styles.Depth.TRUE, theme)
+        inks = (look.pair(styles.style(fg, styles.COLOUR_FLOOR))[0] for fg in (FAR_SHELF, FAR_LOAD))
+        assert all(red - blue >= 48 for red, _, blue in map(styles.channels, inks))
+        wall = look.pair(styles.style(styles.COLOUR_WALL, styles.COLOUR_FLOOR))[0]
+        assert len({*styles.channels(wall)}) == 1
+
+
+@pytest.mark.parametrize("zoom", ["half", "quadrants", "braille 1"])
+@pytest.mark.parametrize("layer", ["", "visits"])
+def test_from_afar_walls_differ_from_storage(zoom: str, layer: str) -> None:
+    floor_plan = drawn("\n".join(["....####....pppp....qqqq...."] * 24))
+    heat = np.zeros((floor_plan.kind.size,), np.int32)
+    codes, camera = composed(make_scene(floor_plan, heat=heat, layer=layer), zoom)
+    shown = []
+    for column in (5, 13, 21):
+        place = camera.place_of(floor_plan.cell(column, 12))
+        assert place is not None
+        shown.append(fg(codes[place]))
+    assert shown[0] == styles.COLOUR_WALL
+    assert {*shown[1:]} <= {FAR_SHELF, FAR_LOAD}
 
 
 def test_the_legend_names_pods_and_robots_that_carry_them() -> None:

@@ -218,15 +218,12 @@ def test_a_click_on_a_curve_leads_to_its_tick() -> None:
         figures.show(busy())
         await pilot.pause()
         row = said(figures).index("waiting robots") + 3
-        figures.scroll_to(y=row, animate=False)
-        await pilot.pause()
-        row -= round(figures.scroll_y)
         await pilot.click(figures, offset=(1 + metrics_panel.LABEL_WIDTH, row))
         await pilot.click(figures, offset=(figures.width, row))
         (_, first), (_, last) = stage.wishes()
         assert first == 0 and last == 600
 
-    run_in_harness(figures, story)
+    run_in_harness(figures, story, NARROW, 60)
 
 
 def test_a_curve_fills_its_rows_up_to_the_label() -> None:

@@ -28,11 +28,13 @@ from automaton.drawings.looks import (
     STATE_COLOURS,
     THEMES,
     Theme,
+    blended,
     colour_of,
     css,
     rgb,
 )
 from automaton.drawings.shapes import (
+    FADED,
     MIN_DETAILED_CELL,
     MIN_NUMBER,
     Box,
@@ -173,6 +175,7 @@ def _colours(looks: list[int], theme: Theme) -> dict[str, Any]:
     return {
         "looks": {str(look): css(rgb(colour_of(look), theme)) for look in looks},
         "states": [css(rgb(name, theme)) for name in STATE_COLOURS],
+        "inside": css(blended("wall", "floor", FADED, theme)),  # of blocks of walls
         **{name: css(rgb(name, theme)) for name in (*GROUND, *STATE_COLOURS)},
     }
 

@@ -230,9 +230,9 @@ def _check_format(of_format: str) -> None:
     sample = datetime.datetime(2026, 3, 2, 6, 30, tzinfo=datetime.UTC)
     if "%" not in of_format:
         raise ValueError(f"time must be a format such as '%d.%m.%Y %H:%M', found '{of_format}'")
+    if DATE_CODES.search(of_format) and not YEAR_CODES.search(of_format):
+        raise ValueError(f"time is the format '{of_format}', of dates without a year")
     try:
         datetime.datetime.strptime(sample.strftime(of_format), of_format)
     except ValueError as error:
         raise ValueError(f"time cannot be the format '{of_format}': {error}") from None
-    if DATE_CODES.search(of_format) and not YEAR_CODES.search(of_format):
-        raise ValueError(f"time is the format '{of_format}', of dates without a year")

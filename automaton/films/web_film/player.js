@@ -93,7 +93,7 @@ function drawCell(ctx, look, x, y, size) {
   const kind = film.kinds[look & film.kind_mask], detail = look >> film.detail_shift;
   const colour = colours().looks[look];
   if (kind === "wall") {
-    ctx.fillStyle = detail ? colours().void : colour;
+    ctx.fillStyle = detail ? colours().inside : colour;
     ctx.fillRect(x, y, size + 0.5, size + 0.5);
     return;
   }

@@ -17,6 +17,8 @@ import numpy as np
 import pytest
 
 from automaton.commands import Parser, cast_command
+from automaton.drawings.looks import Theme, blended, css
+from automaton.drawings.shapes import FADED
 from automaton.engine.state import NIL
 from automaton.errors import InputError
 from automaton.films import recorded_stretch
@@ -149,6 +151,15 @@ def test_doors_lifts_and_closings_are_places_with_signs(tmp_path: Path) -> None:
     assert words["door 1"] == ["1"] and {word for one in words.values() for word in one} == {"1"}
     lines = {names[cell]: sum(s[0] == "line" for s in shapes) for cell, shapes in film["places"]}
     assert lines["lift 1"] == 4 and lines["door 1"] == 1
+
+
+@pytest.mark.parametrize("theme", ["dark", "light"])
+def test_the_inside_of_blocks_of_walls_is_fainter_as_in_pictures(
+    crossing: Path, theme: Theme
+) -> None:
+    told = film_of(page(crossing))["colours"][theme]
+    assert told["inside"] == css(blended("wall", "floor", FADED, theme)) != told["void"]
+    assert "colours().inside" in page(crossing)
 
 
 def test_a_move_of_several_ticks_goes_from_cell_to_cell_in_equal_steps(tmp_path: Path) -> None:

@@ -1,7 +1,8 @@
 """The legend: the meanings of the map's signs, in the colours of the map.
 
 It lists the signs that can occur on this floor, at this zoom, with this layer. Robots and cells are
-drawn as the map draws them at this zoom, but not larger than at 8x4, so that many fit.
+drawn as the map draws them at this zoom, but not larger than at 8x4, so that many fit; in a low
+panel in one row.
 """
 
 from __future__ import annotations
@@ -20,7 +21,14 @@ from automaton.vocabulary import COLOUR_WORDS, CONDITION_WORDS
 from tui.playback.panel_view import Picture, View
 from tui.render import drawn_robots as fleet
 from tui.render import styles
-from tui.render.camera import ZOOM_ONE_TO_ONE, Zoom, dots, drawn, shown_rectangle
+from tui.render.camera import (
+    ZOOM_ONE_TO_ONE,
+    Zoom,
+    dots,
+    drawn,
+    shown_rectangle,
+    with_identities,
+)
 from tui.render.cell_looks import (
     DRIVEN,
     FAR_LOAD,
@@ -50,11 +58,14 @@ from tui.render.styles import GLYPH_BITS, GLYPHS, Codes, GlyphSet, code, style
 from tui.widgets.panel import Line, Span, TextPanel, cell_link, line, title, wrapped
 
 STROKE = 0x24  # braille dots of a horizontal line
+TIMELINE = (0xC0, 0xC7, 0xC0, 0xF8, 0xC0)  # braille dots of a timeline with two deliveries
+LOW_ROWS = 24  # below which each entry takes one row
 
 MAX_WORST_CELLS = 5  # listed cells of a layer
 SIGN_COLUMNS = 9  # columns for the signs
 LARGEST_SAMPLE = drawn(8, 4)  # at which cells are drawn
 SMALL_SAMPLE = drawn(4, 2)  # a row of it is enough to recognise a cell
+LOW_SAMPLE_OF_ROBOTS = with_identities(1)  # one row
 NO_SIGN = 0  # a blank between two signs, and beside pictures
 ALL_WAYS = (0, 1, 2, 3)
 LOW_SAMPLE = looks.LOW_CHARGE // 2
@@ -87,15 +98,28 @@ def signs_of(zoom: Zoom, glyphs: GlyphSet, in_pixels: bool) -> tuple[Zoom, Glyph
 class Legend(TextPanel):
     """The panel of the legend."""
 
+    @property
+    def is_low(self) -> bool:
+        """Whether few entries would fit if they took several rows each."""
+        return self.lines_for_rows < LOW_ROWS
+
+    def cache_key(self, view: View) -> tuple[object, ...]:
+        return (*super().cache_key(view), self.is_low)
+
     def panel_lines(self, view: View, width: int) -> list[Line]:
         picture = view.picture
         if picture is None:
             return []
         zoom, glyphs = signs_of(picture.zoom, picture.glyphs, picture.in_pixels)
-        entries = legend(picture.scene, zoom, glyphs)
+        entries = legend(picture.scene, zoom, glyphs, self.is_low)
         heat = heat_codes(picture.glyphs)[1:].tolist()
+        line_of_time = np.array(picture.glyphs.braille, np.uint32)[list(TIMELINE)]
+        plain = style(styles.COLOUR_TEXT, styles.COLOUR_VOID)
         below = [
-            LegendLine((), "timeline: deliveries and events over time"),
+            LegendLine(
+                (tuple(code(plain, line_of_time).tolist()),),
+                "timeline: deliveries and events over time",
+            ),
             LegendLine((tuple(heat),), "below the timeline: time lost, by rows of the floor"),
         ]
         lines = [_entry(entry, picture, width) for entry in (*entries, *below)]
@@ -161,18 +185,39 @@ def pictured(codes: Codes, zoom: Zoom, glyphs: GlyphSet, meaning: str) -> Legend
     return LegendLine(tuple(map(tuple, shown.tolist())), meaning)
 
 
-def legend(scene: Scene, zoom: Zoom, glyphs: GlyphSet) -> list[LegendLine]:
-    """The entries: layer, robots, overlays, floor."""
+def legend(scene: Scene, zoom: Zoom, glyphs: GlyphSet, low: bool = False) -> list[LegendLine]:
+    """The entries: layer, robots, overlays, floor; with `low` in one row each."""
     zoom = LARGEST_SAMPLE if zoom.is_drawn and zoom.area > LARGEST_SAMPLE.area else zoom
     near = zoom.kind == "cells"
+    if low and near and zoom.height > 1:
+        return _in_one_row(scene, zoom, glyphs)
     entries = _robots(scene, zoom, glyphs) if near else _far_robots(scene, zoom, glyphs)
-    if _has_classes(scene):
-        sign = glyphs.loaded[0] if near else glyphs.fleet[255]
-        entries = [signed(*entry) for entry in colour_entries(scene, sign)] + entries
-    entries = _layer(scene, glyphs) + entries + _overlays(scene, zoom, glyphs)
+    entries = _layer(scene, glyphs) + _classes(scene, zoom, glyphs) + entries
+    entries += _overlays(scene, zoom, glyphs)
     if near:
         return entries + _cells(scene.floor, zoom, glyphs)
     return entries + _far_cells(scene, zoom, glyphs)
+
+
+def _in_one_row(scene: Scene, zoom: Zoom, glyphs: GlyphSet) -> list[LegendLine]:
+    """The entries of cells that are several rows high, by a row that is enough to recognise each."""
+    small = SMALL_SAMPLE if zoom.is_drawn else zoom
+    entries = [
+        *_layer(scene, glyphs),
+        *_classes(scene, zoom, glyphs),
+        *_robots(scene, LOW_SAMPLE_OF_ROBOTS, glyphs, bar=zoom.text_rows >= BAR_HEIGHT),
+        *_overlays(scene, zoom, glyphs, LOW_SAMPLE_OF_ROBOTS),
+        *_cells(scene.floor, small, glyphs),
+    ]
+    return [entry._replace(rows=entry.rows[:1]) for entry in entries]
+
+
+def _classes(scene: Scene, zoom: Zoom, glyphs: GlyphSet) -> list[LegendLine]:
+    """The colours of robots, if not by state."""
+    if not _has_classes(scene):
+        return []
+    sign = glyphs.loaded[0] if zoom.kind == "cells" else glyphs.fleet[255]
+    return [signed(*entry) for entry in colour_entries(scene, sign)]
 
 
 def _has_classes(scene: Scene) -> bool:
@@ -230,10 +275,15 @@ def sample(
     pictures = robot_pictures(scene, zoom, glyphs, robots, mark)
     if len(ways) > 1:
         return signed(tuple(pictures.reshape(-1).tolist()), "").rows
+    if zoom.kind != "cells":  # one character of the map
+        return tuple(map(tuple, pictures[0].tolist()))
     return pictured(pictures[0], zoom, glyphs, "").rows
 
 
-def _robots(scene: Scene, zoom: Zoom, glyphs: GlyphSet) -> list[LegendLine]:
+def _robots(
+    scene: Scene, zoom: Zoom, glyphs: GlyphSet, bar: bool | None = None
+) -> list[LegendLine]:
+    """Robots in each state; `bar`: whether the map has bars of charge, by default at this zoom."""
     waits = COLOUR_WORDS["waiting"] + (": flat in front" if zoom.is_drawn else "")
     load = "pod" if (scene.floor.floor_plan.kind == STORAGE).any() else "load"
     samples = [
@@ -262,9 +312,9 @@ def _robots(scene: Scene, zoom: Zoom, glyphs: GlyphSet) -> list[LegendLine]:
         if zoom.width == 1 and shape in fleet.HEADLESS:
             rows = (rows[0][:1],)
         entries.append(LegendLine(rows, meaning))
-    if scene.floor.battery and zoom.text_rows >= BAR_HEIGHT:
-        bar = style(styles.COLOUR_DONE, styles.COLOUR_ROBOT)
-        sign = int(code(bar, glyphs.lower_half))
+    if scene.floor.battery and (zoom.text_rows >= BAR_HEIGHT if bar is None else bar):
+        colours = style(styles.COLOUR_DONE, styles.COLOUR_ROBOT)
+        sign = int(code(colours, glyphs.lower_half))
         entries.append(signed((sign,), "charge of its battery"))
     return entries + _signs(scene, zoom, glyphs)
 
@@ -335,11 +385,15 @@ def _far_robots(scene: Scene, zoom: Zoom, glyphs: GlyphSet) -> list[LegendLine]:
 # Overlays and the floor.
 
 
-def _overlays(scene: Scene, zoom: Zoom, glyphs: GlyphSet) -> list[LegendLine]:
+def _overlays(
+    scene: Scene, zoom: Zoom, glyphs: GlyphSet, of_robots: Zoom | None = None
+) -> list[LegendLine]:
+    """Marks and lines on the floor; `of_robots`: the zoom of drawn robots, if another."""
     near = zoom.kind == "cells"
 
     def robot(mark: int, meaning: str) -> LegendLine:
-        rows = sample(scene, zoom, glyphs, looks.DRAW_EMPTY, looks.SHAPE_HOLLOW, mark)
+        size = zoom if of_robots is None else of_robots
+        rows = sample(scene, size, glyphs, looks.DRAW_EMPTY, looks.SHAPE_HOLLOW, mark)
         return LegendLine(rows, meaning)
 
     def sign(fg: int, near_sign: int) -> tuple[int, ...]:

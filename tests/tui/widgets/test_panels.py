@@ -55,6 +55,8 @@ def test_the_legend_shows_the_signs_of_the_map_in_its_colours(glyphs: object) ->
         assert "turntable: robots turn here" in words and "robot with a load" in words
         sign = glyphs.characters[glyphs.turntable]
         assert any(row.startswith(sign) for row in said(legend))
+        row = next(row for row in said(legend) if "timeline: deliveries" in row)
+        assert not row.startswith("timeline"), "it has a sign"
         foregrounds = {segment.style.color for segment in legend.render_line(0) if segment.style}
         assert len(foregrounds) > 1
 

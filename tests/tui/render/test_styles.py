@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import re
 import unicodedata
 from itertools import combinations, pairwise
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -317,3 +319,19 @@ def test_no_letter_has_two_meanings_on_maps_and_in_drawings() -> None:
     letters = {letter: names for letter, names in meanings.items() if letter.isalpha()}
     assert len(letters) > 25
     assert {letter: names for letter, names in letters.items() if len(names) > 1} == {}
+
+
+def test_the_guide_names_the_signs_that_are_drawn_without_unicode() -> None:
+    guide = Path(__file__).parents[3] / "docs/how-to/watch-a-fleet.md"
+    rows = guide.read_text(encoding="utf-8").partition("| sign | without Unicode |")[2]
+    pairs = [
+        (UNICODE.characters.index(sign), letter)
+        for row in rows.partition("\n\n")[0].splitlines()[2:]
+        for sign, letter in zip(
+            *(re.findall("`(.)`", cell) for cell in row.split("|")[1:3]), strict=True
+        )
+    ]
+    assert len(pairs) > 6
+    assert {glyph: letter for glyph, letter in pairs} == {
+        glyph: ASCII.characters[glyph] for glyph, _ in pairs
+    }

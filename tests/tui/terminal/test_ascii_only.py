@@ -72,7 +72,7 @@ def test_no_byte_beyond_ascii_leaves_the_viewer(short_path: Path) -> None:
         for keys, text in (
             ("", "Forderhohe"),
             ("", "throughput"),
-            ("e", "filter ("),
+            ("e", "F filters"),
             ("t", "doing"),
             ("K", "robot with a load"),
             (")w", "robot 0"),

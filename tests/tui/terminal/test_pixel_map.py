@@ -331,7 +331,7 @@ def test_the_map_is_an_image_and_a_dialog_hides_it(tmp_path: Path, kind: str) ->
         assert (images_of(session).picture() == images.picture()).all()
 
         session.press("\x1b[14~")  # F4, a layer: text
-        session.wait_for_text("waiting")
+        session.wait_for_text("ticks lost")
         session.settle()
         assert images_of(session).placed == {}
         quit_cleanly(session)

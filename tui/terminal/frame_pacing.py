@@ -73,6 +73,7 @@ class FramePacer:
         self._passed: list[tuple[int, float]] = []  # bytes and seconds of frames in this window,
         self._flying = 0.0  # and for how long any was in flight
         self._way: float | None = None  # seconds from a bare question to its answer
+        self.has_images = False  # only then is it measured whether the terminal keeps up
         self.blurred = False
         self.obstructed = False
         self.skipped = 0
@@ -84,13 +85,13 @@ class FramePacer:
 
     @property
     def is_late(self) -> bool:
-        """Whether the terminal has not kept up for some seconds."""
+        """Whether the terminal has not kept up with images for some seconds."""
         return self._late >= MAX_LATE_WINDOWS
 
     @property
     def needs_bare_question(self) -> bool:
         """Whether the next frame should be a question alone, which measures the way."""
-        return self._late > 0 and self._way is None
+        return self.has_images and self._late > 0 and self._way is None
 
     def interval(self) -> float:
         """Seconds between two frames at present."""
@@ -178,7 +179,7 @@ class FramePacer:
         if now - self._judged < LINK_WINDOW_S:
             return
         due, slower = self._sent + self._held, self._rung + 1
-        if self._passed:  # else a frame is still in flight
+        if self._passed and self.has_images:  # else a frame is still in flight
             mean = sum(size for size, _ in self._passed) / len(self._passed)
             fastest = min(seconds for size, seconds in self._passed if size >= mean)
             is_late = fastest > KEEPING_UP_S and self._flying > LATE_SHARE * LINK_WINDOW_S

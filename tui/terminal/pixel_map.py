@@ -19,7 +19,7 @@ import struct
 import sys
 import termios
 import zlib
-from collections.abc import Generator, Iterator
+from collections.abc import Callable, Generator, Iterator
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any, Final, Literal
@@ -49,9 +49,8 @@ BLOCK_COLUMNS: Final = 4  # characters
 BLOCK_ROWS: Final = 2
 SLOW_PIXELS: Final = "pixels are too slow here, so the map is text; --pixels off starts with text"
 NO_SIZE: Final = "the terminal does not say how many pixels a character has, so the map is text"
-MAX_ROBOTS: Final = (
-    500  # of 1,000, a frame takes 40 ms of CPU by kitty graphics, and 110 ms by sixel
-)
+# A frame of 1,000 robots takes 40 ms of CPU by kitty graphics, and 110 ms by sixel.
+MAX_ROBOTS: Final = 500
 # What is painted over the floor and under the robots, or around them.
 ROUTE_SHAPES: Final = (Disc(0.5, 0.5, 0.1, "cursor"),)
 GOAL_SHAPES: Final = (Disc(0.5, 0.5, 0.4, "cursor", 0.08),)
@@ -496,7 +495,7 @@ class PixelScreen:
     def present(
         self,
         view: Any,
-        scene: Scene,
+        scene_of: Callable[[], Scene],
         camera: Camera,
         theme: Literal["dark", "light"],
         is_covered: bool,
@@ -507,10 +506,11 @@ class PixelScreen:
         """
         shown = self._maps.setdefault(view, ShownMap(len(self._maps)))
         character = self._character() if self.protocol != "off" else (0, 0)
-        possible = all(character) and can_paint(scene) and not is_covered
+        scene = scene_of() if all(character) and not is_covered else None
+        possible = scene is not None and can_paint(scene)
         region = self._presenter.uncovered(view) if possible else None
         shown.is_covered = possible and region is None
-        if region is None or view.shown is None:
+        if scene is None or region is None or view.shown is None:
             self.hide(view)
             return None
         if self.protocol == "kitty" and shown.region not in (None, region):
@@ -525,15 +525,17 @@ class PixelScreen:
             self._presenter.add(text)
         return bool(text)
 
-    def leave(self, is_late: bool) -> str:
-        """Show text from now on if images are impossible, or the terminal does not keep up (`is_late`).
+    def leave(self, pace: Any) -> str:
+        """Show text from now on if images are impossible, or the terminal does not keep up with them.
 
-        Returns why, "" if all is as before.
+        `pace`: the tui.terminal.frame_pacing.FramePacer of the terminal. Returns why, "" if all is as
+        before.
         """
+        pace.has_images = self.protocol != "off"
         if self.protocol == "off":
             return ""
         unknown = self._answered and not all(self._character())
-        why = NO_SIZE * (unknown and self._wanted != "auto") or SLOW_PIXELS * is_late
+        why = NO_SIZE * (unknown and self._wanted != "auto") or SLOW_PIXELS * pace.is_late
         if why:
             self.end()
         return why

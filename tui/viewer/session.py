@@ -380,7 +380,7 @@ class Display:
         if failed := failure():
             self._leave_failed_layer()
             self.notices.say_switched_off(failed)
-        if why := self.pixels.leave(self.frames.pace.is_late):
+        if why := self.pixels.leave(self.frames.pace):
             self.notices.say(why, "warning")
             self.changed()
         return drawn or is_said
@@ -431,7 +431,7 @@ class Display:
         for side, view in enumerate(self.maps):
             if not view.size.height or not view.size.width or not view.is_on_screen:
                 continue
-            shown = (self._session.scene(side), pictures.camera, theme)
+            shown = (partial(self._session.scene, side), pictures.camera, theme)
             written = self.pixels.present(view, *shown, self._has_card(side))
             pictures.in_pixels = written is not None
             if written is not None:

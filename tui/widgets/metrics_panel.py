@@ -15,7 +15,7 @@ from __future__ import annotations
 import math
 import re
 import textwrap
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from itertools import accumulate
 from typing import Final
 
@@ -83,8 +83,6 @@ class Figures(TextPanel):
 
     The most important metrics come first, since the panel may be small.
     """
-
-    ends: Sequence[int] = ()  # numbers of lines after which the panel may end
 
     def panel_lines(self, view: View, width: int) -> list[Line]:
         if len(view.runs) > 1:

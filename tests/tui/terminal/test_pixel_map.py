@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -64,6 +65,13 @@ def is_equal(picture: np.ndarray, expected: np.ndarray, kind: str) -> bool:
     return bool((away > ROUNDING).mean() < 0.05 and (away > EDGES).mean() < 0.01)
 
 
+def sent(
+    shown: ShownMap, blocks: set[tuple[int, int]] | None, kind: str, colours: SixelColours
+) -> str:
+    """The sequences of blocks."""
+    return "".join(shown.kitty(blocks) if kind == "kitty" else shown.sixel(blocks, colours))
+
+
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("steps", [0, 3])  # of zooming out, to one colour a cell
 def test_what_arrives_is_the_picture_of_films_at_every_tick(kind: str, steps: int) -> None:
@@ -80,8 +88,7 @@ def test_what_arrives_is_the_picture_of_films_at_every_tick(kind: str, steps: in
         simulation.run(until=tick)
         scene = Scene(floor, take_snapshot(simulation))
         blocks = shown.update(scene, layout, region, "dark")
-        pieces = shown.kitty(blocks) if kind == "kitty" else shown.sixel(blocks, colours)
-        text = "".join(pieces)
+        text = sent(shown, blocks, kind, colours)
         sizes.append(len(text))
         images.feed(text.encode())
         wide, high = CHARACTER
@@ -104,8 +111,7 @@ def test_a_frame_of_thirty_robots_and_their_pods_is_at_most_60_kilobytes(kind: s
         simulation.run(until=tick)
         scene = Scene(floor, take_snapshot(simulation))
         blocks = shown.update(scene, layout, region, "dark")
-        pieces = shown.kitty(blocks) if kind == "kitty" else shown.sixel(blocks, colours)
-        sizes.append(sum(map(len, pieces)))
+        sizes.append(len(sent(shown, blocks, kind, colours)))
     assert 1000 < max(sizes[1:]) < 60_000 < sizes[0]
 
 
@@ -249,36 +255,40 @@ def test_pixels_that_are_asked_for_need_pillow(monkeypatch: pytest.MonkeyPatch) 
 
 def test_why_maps_are_text_is_said_once(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("tui.terminal.pixel_map.character_size", lambda: (0, 0))
+    quick, late = (SimpleNamespace(is_late=late, has_images=False) for late in (False, True))
     screen = PixelScreen(NoTerminal(), "sixel")
-    assert screen.leave(False) == ""  # not answered yet
+    assert screen.leave(quick) == "" and quick.has_images  # not answered yet
     screen.answered("\x1b[?62;4c")
-    assert screen.leave(False) == NO_SIZE and screen.leave(False) == ""
+    assert screen.leave(quick) == NO_SIZE and screen.leave(quick) == "" and not quick.has_images
     screen = PixelScreen(NoTerminal(), "kitty")
-    assert screen.leave(True) == SLOW_PIXELS and screen.leave(True) == ""
+    assert screen.leave(late) == SLOW_PIXELS and screen.leave(late) == ""
     assert not screen.answered("\x1b_Gi=31;OK\x1b\\")  # late
 
 
 @pytest.mark.parametrize(
-    ("way", "bytes_per_second", "busy_every", "late"),
+    ("way", "bytes_per_second", "busy_every", "with_images", "late"),
     [
-        (0.05, 125_000, 0, True),  # 1 Mbit/s
-        (0.05, 5_000_000, 0, False),
-        (0.4, 5_000_000, 0, False),  # far away
-        (0.4, 60_000, 0, True),
-        (0.001, 50_000_000, 4, False),  # a busy machine: three answers of four take 0.3 s longer
+        (0.05, 125_000, 0, True, True),  # 1 Mbit/s
+        (0.05, 125_000, 0, False, False),  # text: nothing is asked, and no frame gives way
+        (0.05, 5_000_000, 0, True, False),
+        (0.4, 5_000_000, 0, True, False),  # far away
+        (0.4, 60_000, 0, True, True),
+        (0.001, 50_000_000, 4, True, False),  # a busy machine: 3 answers of 4 take 0.3 s longer
     ],
 )
 def test_a_connection_is_late_by_the_time_that_it_takes_for_bytes(
-    way: float, bytes_per_second: int, busy_every: int, late: bool
+    way: float, bytes_per_second: int, busy_every: int, with_images: bool, late: bool
 ) -> None:
     pace, now, free, sizes = FramePacer(), 0.0, 0.0, 0
+    pace.has_images = with_images
     answers: list[float] = []
-    was_late = False
+    was_late = asked = False
     for number in range(6000):
         now = number / 500
         while answers and answers[0] <= now:
             pace.answered(answers.pop(0))
         was_late |= pace.is_late
+        asked |= pace.needs_bare_question
         if (pace.ready(now, 0) and number % 50 == 0) or (pace.needs_bare_question and not answers):
             sizes += 1
             size = 10 if pace.needs_bare_question else (14_000, 18_000, 22_000)[sizes % 3]
@@ -286,7 +296,7 @@ def test_a_connection_is_late_by_the_time_that_it_takes_for_bytes(
             free = max(free, now) + size / bytes_per_second
             pause = 0.3 if busy_every and sizes % busy_every else 0.0
             answers.append(max([free + way + pause, *answers]))
-    assert was_late == late
+    assert was_late == late and (with_images or not asked)
 
 
 # On a terminal.

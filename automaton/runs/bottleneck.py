@@ -93,8 +93,7 @@ def bottleneck_sentences(resolved: Resolved, periods: Sequence[Period]) -> list[
     robots = resolved.scenario.fleet.robots
     if not periods:
         return []
-    known, number_of = resolved.station_names, len(periods[0].stations)
-    names = known if len(known) == number_of else [str(k + 1) for k in range(number_of)]
+    names = _stations(resolved, periods)
     bottlenecks = bottlenecks_of(periods, robots, names)
     if not bottlenecks or bottlenecks[0].share < MENTIONED:
         for_long = " for long" if bottlenecks else ""
@@ -119,6 +118,23 @@ def bottleneck_sentences(resolved: Resolved, periods: Sequence[Period]) -> list[
             when = stretch_text(resolved, stretch)
             sentences.append(f"{subject(one.resource)} also saturated, {when}: {'; '.join(texts)}.")
     return [" ".join(sentences)]
+
+
+def bottleneck_in_short(resolved: Resolved, periods: Sequence[Period]) -> str:
+    """What was saturated for longest, and for how long; "" before the first period."""
+    if not periods:
+        return ""
+    names, robots = _stations(resolved, periods), resolved.scenario.fleet.robots
+    first = next(iter(bottlenecks_of(periods, robots, names)), None)
+    if first is None or first.share < MENTIONED:
+        return "nothing saturated"
+    return f"{first.resource}, saturated {percent(first.share, 0)} of the run"
+
+
+def _stations(resolved: Resolved, periods: Sequence[Period]) -> Sequence[str]:
+    """The names of stations, or their numbers."""
+    known, number_of = resolved.station_names, len(periods[0].stations)
+    return known if len(known) == number_of else [str(k + 1) for k in range(number_of)]
 
 
 def subject(resource: str) -> str:

@@ -229,14 +229,14 @@ TIME_USES: Final = {
     "traffic": TimePart(
         "#d55e00", {name: "" for name in (*TRAFFIC_SUMS, "lost_illegal", "lost_standing")}
     ),
-    "charging": TimePart(
-        "#f0e442",
+    "to chargers": TimePart(
+        "#a39a1c",
         {
-            "charging": "charging",
             "driving_to_chargers": "moves and turns on the way to chargers",
             "lost_charger_queue": "",
         },
     ),
+    "charging": TimePart("#f0e442", {"charging": "charging"}),
     "down": TimePart(
         "#6b6b6b",
         {

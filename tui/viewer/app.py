@@ -51,7 +51,7 @@ INTERRUPTED = 130
 PROBLEMS_S = 20.0  # for which load failures are shown
 ACTION_LABELS = {action.id: action.label for action in VIEWER_ACTIONS}
 # Actions that need a world, besides those of all layers and panels.
-OF_THE_WORLD = ("layer_none", "next_layer", "trails")
+OF_THE_WORLD = ("layer_none", "next_layer", "panels", "trails")
 
 
 class Viewer(App[None]):
@@ -412,7 +412,7 @@ class Viewer(App[None]):
             "theme": (self.session.look.theme, options.shown_theme),
             "speed": (self.session.speed, options.first_speed),
             "panels": (self.panels.shown, options.panels),
-            "panel": (column.name_open, options.panel or first),
+            "panel": (column.tabs.open, options.panel or first),
         }
         return {name: now for name, (now, before) in chosen.items() if now != before}
 

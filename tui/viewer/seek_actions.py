@@ -305,7 +305,7 @@ class FindActions:
             return
         worst = session.playback.figures[session.choice.side].bottlenecks
         if not worst:
-            session.notify("no bottleneck: no time has been lost so far")
+            session.notify("no time has been lost so far")
             return
         cells = [one.cell for one in worst]
         at = cells.index(session.choice.cell) if session.choice.cell in cells else NIL

@@ -49,6 +49,7 @@ from tui.widgets.status import (
     going_words,
     head_words,
     hint_words,
+    lasting,
     link_words,
     long_tick_words,
     mode_word,
@@ -494,7 +495,7 @@ class Display:
         words = time_words(playback, choice.side, session.speed, tick, session.glyphs)
         chosen = choice_words(choice.robot, choice.following, choice.laid)
         mode, figures = self.mode(playback), playback.figures[choice.side]
-        room = self.status.size.width - columns_of([*words, *chosen, mode, word("")])
+        room = self.status.size.width - columns_of(lasting([*words, *chosen, mode, word("")]))
         words += fleet_words(scene, figures, session.glyphs, room, not playback.playing) + chosen
         changed |= self.status.set_words(words, [mode])
         changed |= self.timeline.set_content(self._past(playback))
@@ -516,7 +517,7 @@ class Display:
         session = self._session
         side = session.choice.side
         if session.live:
-            return mode_word(playback, side, "live, recorded" if session.recordings else "live")
+            return mode_word(playback, side, "recording" if session.recordings else "live")
         name = "compare" if session.opening.comparing else "replay"
         return mode_word(playback, side, name, recorded=True, whole=session.is_whole(side))
 

@@ -36,6 +36,8 @@ BESIDE_COLUMNS: Final = 36  # of a panel beside the map of a narrow screen
 BELOW_SHARE: Final = 0.45  # share of the rows for a panel below such a map
 LEAST_ROWS: Final = 6  # its least number of rows
 ABOUT_CHOICE: Final = ("inspector", "why")  # panels about the selection
+FIGURES: Final = "figures"
+MIDDLE: Final = "the cell in the middle of the map: / finds a place, ) shows the next robot"
 
 DIMMED = 0.4  # share of the way to the background
 
@@ -297,6 +299,8 @@ class PanelActions:
             room.height, room.width, rows, BESIDE_COLUMNS
         )
         screen.set_class(opened, "-panels-open")
+        if self._display.column is not None:
+            self._display.column.show_one(opened)
         screen.set_class(opened and not beside, "-panels-below")
         side.styles.height = rows if opened and not beside else None
 
@@ -353,7 +357,10 @@ class PanelActions:
         return "off" if is_hidden else self.shown
 
     def _turn(self) -> None:
+        was_off, column = self._seen == "off", self._display.column
         self.show({"off": "side", "side": "full", "full": "off"}[self._seen])
+        if was_off and column is not None:
+            column.open(FIGURES)
 
     def _scroll(self, pages: int) -> None:
         column = self._display.column
@@ -399,10 +406,12 @@ class PanelActions:
             self._choose_middle()
 
     def _choose_middle(self) -> None:
-        """Select the cell under the mouse, or in the middle of the map."""
+        """Select the cell under the mouse, or in the middle of the map, and say so."""
         camera = self._session.pictures.camera
         middle = camera.cell_at(camera.rows // 2, camera.columns // 2)
         cell = middle if self._session.hovered == NIL else self._session.hovered
+        if self._session.hovered == NIL:
+            self._display.notices.say(MIDDLE)
         if cell is not None:
             self._session.choose_at(cell)
 

@@ -117,7 +117,7 @@ _FIXED: Final = (
             Action("zoom_out", "minus", "Zoom out"),
             Action("zoom_fit", "0", "Whole floor", "the whole floor, as large as it fits"),
             Action("zoom_cell", "z", "1:1", "one character for a cell"),
-            Action("follow", "f", "Follow", "keep the selected robot on the screen", True),
+            Action("follow", "f", "Follow", "keep the selected robot on the screen"),
             Action("maximise", "m", "Map alone", "only the map, or everything again"),
             Action("minimap", "M", "Minimap", "minimap, if the floor exceeds the map"),
             Action("next_colouring", "c", "Colours", "robots by state, order, type, zone, ..."),
@@ -136,7 +136,11 @@ _FIXED: Final = (
             ),
             Action("deadlock", "d", "Deadlock", "to the latest deadlock"),
             Action(
-                "bottleneck", "y", "Bottleneck", "the three places that cost most time, in turn"
+                "bottleneck",
+                "y",
+                "Lost time",
+                "the three places that cost most time, in turn",
+                True,
             ),
             Action(
                 "clear",
@@ -144,7 +148,7 @@ _FIXED: Final = (
                 "Clear",
                 "clear selection, matches, following; stop going to a tick",
             ),
-            Action("breakpoints", "b", "Stops", "conditions that stop the run", True, 20),
+            Action("breakpoints", "b", "Stops", "conditions that stop the run", place=20),
             Action("branch", "B", "Branch", "go on with other settings from here", place=20),
         ),
     ),
@@ -159,7 +163,7 @@ _FIXED: Final = (
     Topic(
         "Panels",
         (
-            Action("panels", "p", "Panels", "panels off, beside or instead of map", True),
+            Action("panels", "p", "Figures", "panels off, beside or instead of map", True),
             Action(
                 "scroll_down", "pagedown", "Scroll panel", "scroll the open panel a page down", True
             ),

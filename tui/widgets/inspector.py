@@ -146,14 +146,20 @@ def _ground(view: View, cell: int) -> Facts:
         int(floor_plan.exits.reshape(-1)[cell]),
         int(floor_plan.capacity.reshape(-1)[cell]),
     )
-    ways = [name for bit, name in enumerate(DIRECTIONS) if exits >> bit & 1]
+    ways: list[list[str]] = [[], []]  # to cells that robots drive through, and into storage
+    for direction, (name, beside) in enumerate(
+        zip(DIRECTIONS, floor_plan.neighbours(cell), strict=True)
+    ):
+        if exits >> direction & 1:
+            ways[int(floor_plan.kind.flat[beside]) == STORAGE].append(name)
+    exits_said = ", ".join(ways[0]), f"{', '.join(ways[1])} into storage" * bool(ways[1])
     room = "any number of robots" if capacity == UNLIMITED else count(capacity, "robot")
     if kind == CHARGER and capacity == UNLIMITED:
         scenario = view.run.resolved.scenario
         places = places_of_chargers(scenario, floor_plan)[cell]
         room = count(places, "robot") if places < scenario.fleet.robots else room
     return [
-        ("exits", [", ".join(ways) if ways else "none"]),
+        ("exits", ["; ".join(filter(None, exits_said)) or "none"]),
         ("closed to", [", ".join(closed_to(view, cell))] if closed_to(view, cell) else []),
         ("speed limit", _limits(view, cell)),
         ("weights", _weights(view, cell)),

@@ -17,7 +17,7 @@ from automaton.drawings import looks
 from automaton.drawings.looks import DETAIL_SHIFT, KIND_MASK
 from automaton.engine.state import BATTERY_FULL, STATUS_DEPLETED, STATUS_FAILED
 from automaton.floor.floor_plan import CELL_KINDS, FLOOR, SHELF, STORAGE, TRACK
-from automaton.vocabulary import COLOUR_WORDS, CONDITION_WORDS
+from automaton.vocabulary import COLOUR_WORDS, CONDITION_WORDS, IN_WAIT_CYCLE
 from tui.playback.panel_view import Picture, View
 from tui.render import drawn_robots as fleet
 from tui.render import styles
@@ -69,7 +69,6 @@ LOW_SAMPLE_OF_ROBOTS = with_identities(1)  # one row
 NO_SIGN = 0  # a blank between two signs, and beside pictures
 ALL_WAYS = (0, 1, 2, 3)
 LOW_SAMPLE = looks.LOW_CHARGE // 2
-WAIT_CYCLE = COLOUR_WORDS["fault"].partition(",")[0]
 FAR_STATES = (
     *(looks.DRAW_FAULT, looks.DRAW_WAITING, looks.DRAW_LOW_BATTERY, looks.DRAW_LOADED),
     *(looks.DRAW_EMPTY, looks.DRAW_CHARGING, looks.DRAW_IDLE),
@@ -290,7 +289,7 @@ def _robots(
         (looks.DRAW_EMPTY, looks.SHAPE_HOLLOW, "robot, and the way it faces"),
         (looks.DRAW_LOADED, looks.SHAPE_FILLED, f"robot with a {load}"),
         (looks.DRAW_WAITING, looks.SHAPE_HOLLOW, waits),
-        (looks.DRAW_FAULT, looks.SHAPE_HOLLOW, WAIT_CYCLE),
+        (looks.DRAW_FAULT, looks.SHAPE_HOLLOW, IN_WAIT_CYCLE),
         (looks.DRAW_IDLE, looks.SHAPE_RING, COLOUR_WORDS["idle"]),
         (looks.DRAW_PARKED, looks.SHAPE_SQUARE, COLOUR_WORDS["parked"]),
     ]
@@ -371,7 +370,7 @@ def _alone(
 def _far_robots(scene: Scene, zoom: Zoom, glyphs: GlyphSet) -> list[LegendLine]:
     words = [COLOUR_WORDS[name] for name in looks.STATE_COLOURS]
     if not scene.floor.loads_may_lie:
-        words[looks.DRAW_FAULT] = WAIT_CYCLE
+        words[looks.DRAW_FAULT] = IN_WAIT_CYCLE
     states: tuple[int, ...] = FAR_STATES
     if _has_classes(scene) or fleet.is_grey(scene):  # small zooms have no shapes
         states = (looks.DRAW_FAULT,)
@@ -445,7 +444,9 @@ def floor_legend(
     """
     zoom, glyphs = signs_of(zoom, glyphs, in_pixels)
     if zoom.kind != "cells":
-        return _far_cells(Scene(floor), dots(1), glyphs)
+        scene = Scene(floor)
+        robot = sample(scene, zoom, glyphs, looks.DRAW_EMPTY, looks.SHAPE_HOLLOW)
+        return [LegendLine(robot, "robot"), *_far_cells(scene, dots(1), glyphs)]
     step = SMALL_SAMPLE if zoom.is_drawn else ZOOM_ONE_TO_ONE
     entries = _gates(floor, step, glyphs) + _cells(floor, step, glyphs)
     return sorted(entries, key=lambda entry: entry.meaning in ("wall", "floor"))

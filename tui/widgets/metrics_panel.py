@@ -15,7 +15,7 @@ from __future__ import annotations
 import math
 import re
 import textwrap
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from itertools import accumulate
 from typing import Final
 
@@ -39,10 +39,17 @@ from automaton.engine.state import (
 )
 from automaton.history.event_history import Curve
 from automaton.history.fleet_summary import FleetSummary, summarize
-from automaton.runs.bottleneck import bottleneck_sentences, flow_name, rate, rate_unit
+from automaton.runs.bottleneck import (
+    bottleneck_in_short,
+    bottleneck_sentences,
+    flow_name,
+    rate,
+    rate_unit,
+)
 from automaton.runs.metric_catalogue import METRIC_CATALOGUE, time_shares
 from automaton.runs.periods import Period
 from automaton.units import count, number, percent
+from automaton.vocabulary import IN_WAIT_CYCLE
 from tui.playback.panel_view import JamChosen, TickChosen, View, middle_robot
 from tui.widgets.panel import (
     Line,
@@ -60,20 +67,18 @@ from tui.widgets.panel import (
     wrapped,
 )
 from tui.widgets.robot_facts import battery_figures, may_fail
-from tui.widgets.why_panel import LOST_KINDS, cause_bar, cause_letter, lost_kinds, pattern_key
-from tui.widgets.zone_facts import partition_of, parts_finished, zone_link
+from tui.widgets.why_panel import LOST_KINDS, NAME_WIDTH, cause_bar, lost_kinds, pattern_key
+from tui.widgets.zone_facts import partition_of, parts_finished, slow_zones
 
 NAME_COLUMNS: Final = 13  # columns for the name of a metric
 VALUE_COLUMNS: Final = 5  # columns of a value, with one decimal
 USE_COLUMNS: Final = 15  # columns for the name of a use of time
-CAUSE: Final = 19  # columns for the name of a cause
 
 THROUGHPUT_UNIT: Final = "/1000 ticks"
 SHORT_UNIT: Final = "/kt"  # where there is little room
 
 CURVE_ROWS: Final = 3
 LEAD_ROWS: Final = 2
-MAX_SLOW_ZONES_LISTED: Final = 5
 PERIODS_SHOWN: Final = 6
 LEAST_TICKS: Final = 128  # of a run that has a bottleneck
 
@@ -136,7 +141,7 @@ class Figures(TextPanel):
             _figure("throughput", f"{_short(rate)} {unit}"),
             _figure(f"  last {NOW_TICKS}", f"{_short(now)} {unit}"),
             *self._share("utilization", "utilization", view, width),
-            *self._share("blocked_share", "blocked", view, width),
+            *_bottleneck(view, width),
             *_robots(view, width),
         ]
 
@@ -244,15 +249,17 @@ class Figures(TextPanel):
 
     def _time(self, view: View, width: int) -> list[Line]:
         """Where the time of the robots went, as in reports."""
-        room = max(0, width - USE_COLUMNS - 8)
-        shares = time_shares(view.measured.uses)
+        room, uses = max(0, width - USE_COLUMNS - 8), view.measured.uses
+        shares = time_shares(uses)
         most = max((share for _, share, _ in shares), default=1)
         rows = [
             line(f"{name:<{USE_COLUMNS}}", bar(share / most, room, self.signs), f"{text:>8}")
             for name, share, _ in shares
             if (text := percent(share))
         ]
-        return [line(title("where the time went")), *rows] if rows else []
+        lost = sum(ticks for name, ticks in uses.items() if name.startswith("lost_"))
+        share = percent(lost / max(1, sum(uses.values())))
+        return [line(title("where the time went"), dim(f" {share} lost")), *rows] if rows else []
 
     def _lost(self, view: View, width: int) -> list[Line]:
         """Robot ticks lost by cause."""
@@ -262,12 +269,12 @@ class Figures(TextPanel):
             return [line(title("no time lost so far"))]
         whole = max(1, view.snapshot.tick * len(view.snapshot.robots))
         lines = [line(title("time lost"), dim(" of all robot ticks"))]
-        room = max(0, width - CAUSE - 10)
+        room = max(0, width - NAME_WIDTH - 8)
         causes = np.argsort(-lost, kind="stable")[: np.count_nonzero(lost)].tolist()
         for cause in causes:
             drawn = cause_bar(cause, int(lost[cause]) / int(lost.max()), room, self.signs)
             link = ("cause", cause)
-            name = (cause_letter(cause), *term(LOST_KINDS[cause].name, link, CAUSE))
+            name = term(LOST_KINDS[cause].name, link, NAME_WIDTH)
             lines.append(line(*name, drawn, f"{percent(int(lost[cause]) / whole):>8}"))
             lines += self.explanation(link, LOST_KINDS[cause].meaning, width)
         return [*lines, pattern_key(causes, self.signs)]
@@ -343,33 +350,23 @@ def last_periods(view: View, width: int) -> list[Line]:
     return [line(title("last periods"), dim(unit)), line(dim(rows[0])), *map(line, rows[1:])]
 
 
+def _bottleneck(view: View, width: int) -> list[Line]:
+    """What was saturated for longest in the periods up to now."""
+    said = bottleneck_in_short(view.run.resolved, _periods(view))
+    return fact("bottleneck", said, width=width, label=NAME_COLUMNS) if said else []
+
+
+def _periods(view: View) -> Sequence[Period]:
+    """The periods up to now; none of a run that is too short for a bottleneck."""
+    figures = view.playback.figures[view.side]
+    return figures.periods if figures.tick >= LEAST_TICKS else ()
+
+
 def bottleneck_so_far(view: View, width: int) -> list[Line]:
     """What was saturated in the periods up to now, in the words of the report."""
-    figures = view.playback.figures[view.side]
-    if figures.tick < LEAST_TICKS:
-        return []
-    said = bottleneck_sentences(view.run.resolved, figures.periods)
+    said = bottleneck_sentences(view.run.resolved, _periods(view))
     lines = [row for text in said for row in wrapped(line(text), width)]
     return [line(title("bottleneck so far")), *lines] if lines else []
-
-
-def slow_zones(view: View) -> list[Line]:
-    """The zones that slowed moves most so far, with lost ticks."""
-    lost = view.snapshot.lost_in_zone
-    worst = [
-        zone
-        for zone in np.argsort(-lost, kind="stable")[:MAX_SLOW_ZONES_LISTED].tolist()
-        if lost[zone]
-    ]
-    if not worst:
-        return []
-    wide, served = len(str(max(worst))), partition_of(view) is not None
-    names = [str(zone) if served else zone_link(zone) for zone in worst]
-    rows = [
-        line("zone ", name, " " * (wide - len(str(zone))), f"{int(lost[zone]):>9,}")
-        for zone, name in zip(worst, names, strict=True)
-    ]
-    return [line(title("slowest zones"), dim(" by ticks lost in them")), *rows]
 
 
 def _known(view: View) -> Curve:
@@ -407,19 +404,20 @@ def _short(value: float) -> str:
 def _robots(view: View, width: int) -> list[Line]:
     """Numbers of working, waiting, parked and idle robots, wrapped to the width."""
     fleet = view.snapshot.robots
-    waiting, parked = (
-        int(np.count_nonzero(is_waiting(fleet.cause))),
-        int(np.count_nonzero(fleet.parked)),
-    )
+    in_cycle = fleet.wait_cycle_ticks > 0
+    stuck = int(np.count_nonzero(in_cycle))
+    waiting = int(np.count_nonzero(is_waiting(fleet.cause) & ~in_cycle))
+    parked = int(np.count_nonzero(fleet.parked))
     idle = int(np.count_nonzero((fleet.cause == CAUSE_NO_ORDER) & (fleet.parked == 0)))
-    work = len(fleet) - waiting - parked - idle
-    look = "fault" if fleet.wait_cycle_ticks.any() else "warn" if waiting else "plain"
-    said = [
-        Span(f"{work:,} working"),
-        Span(f"{waiting:,} waiting", look),
-        Span(f"{parked:,} parked"),
-    ]
-    said += [Span(f"{idle:,} idle")] if idle else []
+    work = len(fleet) - waiting - stuck - parked - idle
+    kinds = (
+        (work, "working", "plain"),
+        (waiting, "waiting", "warn"),
+        (stuck, IN_WAIT_CYCLE, "fault"),
+        (parked, "parked", "plain"),
+        (idle, "idle", "plain"),
+    )
+    said = [Span(f"{robots:,} {words}", look) for robots, words, look in kinds if robots]
     rows = [said]
     for step in (len(said), 2, 1):
         rows = [said[at : at + step] for at in range(0, len(said), step)]

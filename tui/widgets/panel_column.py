@@ -1,13 +1,13 @@
-"""The panels: the figures, and below or beside them one of the others.
+"""The panels: the figures, and below or beside them one of the others; or one of all.
 
-column              full
-+------------+      +-----------+-----------+
-| figures    |      | figures   | tabs      |
-+------------+      |           +-----------+
-| tabs       |      |           | the open  |
-| the open   |      |           | panel     |
-| panel      |      |           |           |
-+------------+      +-----------+-----------+
+column              full                           one
++------------+      +-----------+-----------+      +------------+
+| figures    |      | figures   | tabs      |      | tabs       |
++------------+      |           +-----------+      +------------+
+| tabs       |      |           | the open  |      | figures or |
+| the open   |      |           | panel     |      | the open   |
+| panel      |      |           |           |      | panel      |
++------------+      +-----------+-----------+      +------------+
 """
 
 from __future__ import annotations
@@ -27,12 +27,13 @@ from automaton.engine.state import NIL, Array
 from tui.playback.panel_view import OrderChosen, View
 from tui.registration import guard, left_out, load, panels
 from tui.render.styles import GlyphSet
-from tui.widgets.bindings import key_text
+from tui.widgets.bindings import VIEWER_ACTIONS, key_text
 from tui.widgets.metrics_panel import Figures
 from tui.widgets.panel import Line, Link, PanelWidget, Rows, Signs, Span, signs_of
 
 FIGURES_SHARE: Final = 0.62  # maximum of the height; shows where the time went in 36 rows
 MAX_TAB_GAP: Final = 3  # columns between tabs
+FIGURES: Final = "figures"
 
 
 class PanelColumn(Container):
@@ -47,13 +48,17 @@ class PanelColumn(Container):
         &.full { layout: horizontal; width: 1fr; }
         &.full > Figures { width: 2fr; height: 1fr; max-height: 100%; }
         &.full > Vertical { width: 3fr; }
+        &.one > Figures { display: none; }
+        &.one.figures > Figures { display: block; height: 1fr; max-height: 100%; }
+        &.one.figures > Vertical { height: auto; dock: top; }
+        &.one.figures ContentSwitcher { display: none; }
     }
     """
 
     def __init__(self, glyphs: GlyphSet, widgets: Widgets, *, id: str | None = None) -> None:
         super().__init__(id=id)
         signs = signs_of(glyphs)
-        self.figures = Figures(signs, id="figures")
+        self.figures = Figures(signs, id=FIGURES)
         self.panels: dict[str, Any] = {}
         problems = list(widgets.problems)
         for name, kind in widgets.by_name.items():
@@ -75,35 +80,46 @@ class PanelColumn(Container):
 
     @property
     def name_open(self) -> str:
-        """The name of the panel that is open below the tabs."""
-        return self.tabs.open
+        """The name of the panel that is open below the tabs; "figures" if they take its place."""
+        return FIGURES if self.has_class("one") and self.tabs.shows_figures else self.tabs.open
+
+    def show_one(self, one: bool) -> None:
+        """Show only the figures or only the open panel, where there is no room for both."""
+        self.set_class(one, "one")
+        self.tabs.has_figures = one
+        self.tabs.set_content()
 
     def show(self, view: View) -> None:
         """Show a view in the figures and in the open panel, if visible."""
         self._view = view = _within(view)
         self._fit_figures()
-        if not self.is_mounted or not self.size or view.key == self._key:
+        key = (*view.key, self.figures.display, self.name_open)
+        if not self.is_mounted or not self.size or key == self._key:
             return
-        self._key = view.key
-        self.figures.show(view)
-        self._fit_figures()
-        if self.tabs.open:
+        self._key = key
+        if self.figures.display:
+            self.figures.show(view)
+            self._fit_figures()
+        if self.tabs.open and self.name_open != FIGURES:
             self.panels[self.tabs.open].show(view)
 
     def _fit_figures(self) -> None:
         """Limit the height of the figures above a panel to whole parts, such as curves."""
         if self.size:
             most = self.figures.rows_within(int(FIGURES_SHARE * self.size.height))
-            self.figures.styles.max_height = None if self.has_class("full") else most
+            is_free = self.has_class("full") or self.has_class("one")
+            self.figures.styles.max_height = None if is_free else most
 
     def on_resize(self) -> None:
         self._fit_figures()
 
     def open(self, name: str, focus: bool = False) -> None:
-        """Open a panel; "figures" are always open."""
+        """Open a panel; the figures are always open where there is room for both."""
+        self.tabs.shows_figures = name == FIGURES
+        self.set_class(name == FIGURES, FIGURES)
         if name in self.panels:
-            self.query_one(ContentSwitcher).current = name
-            self.tabs.set_content(name)
+            self.query_one(ContentSwitcher).current = self.tabs.open = name
+        self.tabs.set_content()
         self._key = ()
         if self._view is not None:
             self.show(self._view)
@@ -112,7 +128,7 @@ class PanelColumn(Container):
 
     def scroll_pages(self, pages: int) -> None:
         """Scroll the open panel, whatever has the focus."""
-        part = self.panels.get(self.tabs.open, self.figures).focused_part
+        part = self.panels.get(self.name_open, self.figures).focused_part
         rows = part.lines_for_rows if isinstance(part, Rows) else part.size.height
         part.scroll_relative(y=pages * rows, animate=False, force=True)
 
@@ -178,7 +194,7 @@ def panel_widgets() -> Widgets:
 
 
 class TabStrip(Rows):
-    """One line with the names of the panels; the open one is highlighted."""
+    """The names of the panels with their keys, in one line or two; the open one is highlighted."""
 
     DEFAULT_CSS = """
     TabStrip {
@@ -199,31 +215,57 @@ class TabStrip(Rows):
 
     def __init__(self, signs: Signs, names: Sequence[str]) -> None:
         super().__init__(signs)
-        self._panels = [panels().by_name[name] for name in names]
+        kinds = [panels().by_name[name] for name in names]
+        self._panels = [
+            Tab(one.name, one.tab, key_text(one.key.partition(",")[0])) for one in kinds
+        ]
+        self._lines: list[list[Tab]] = []
         self.open = names[0] if names else ""
+        self.has_figures = False  # among the tabs
+        self.shows_figures = False  # then they are open
 
     def on_mount(self) -> None:
-        self.update_rows(1)
+        self.set_content()
 
-    def set_content(self, name: str) -> None:
-        """Mark the open panel."""
-        self.open = name
-        self.update_rows(1)
+    def on_resize(self) -> None:
+        super().on_resize()
+        self.set_content()
+
+    @property
+    def _tabs(self) -> list[Tab]:
+        return [FIGURES_TAB, *self._panels] if self.has_figures else self._panels
+
+    @property
+    def _name_open(self) -> str:
+        return FIGURES if self.has_figures and self.shows_figures else self.open
+
+    def set_content(self) -> None:
+        """Arrange the tabs, and mark the open one."""
+        tabs = self._tabs
+        half = (len(tabs) + 1) // 2
+        self._lines = [tabs] if self._fit(tabs) else [tabs[:half], tabs[half:]]
+        if not all(self._fit(part) for part in self._lines):  # without keys, they need one line
+            self._lines = [[tab._replace(key="") for tab in tabs]]
+        opened = [self._name_open in [tab.name for tab in part] for part in self._lines]
+        self.cursor = opened.index(True) if True in opened else 0
+        self.styles.height = len(self._lines)
+        self.update_rows(len(self._lines))
+
+    def _fit(self, tabs: Sequence[Tab]) -> bool:
+        return sum(tab.columns for tab in tabs) + len(tabs) - 1 < self.width
 
     def row(self, index: int) -> Line:
-        keys = [key_text(panel.key.partition(",")[0]) for panel in self._panels]
-        with_keys = sum(len(panel.tab) for panel in self._panels) + sum(map(len, keys))
-        has_keys = with_keys + 2 * len(keys) - 1 <= self.width
-        room = self.width - 1  # wider gaps leave a column free at the edge
-        total = with_keys + len(keys) if has_keys else with_keys - sum(map(len, keys))
-        gap = max(1, min(MAX_TAB_GAP, (room - total) // max(1, len(keys) - 1)))
+        tabs = self._lines[index]
+        free = self.width - 1 - sum(tab.columns for tab in tabs)  # a column stays free at the edge
+        gap = max(1, min(MAX_TAB_GAP, free // max(1, len(tabs) - 1)))
         spans: list[Span] = []
-        for at, (panel, key) in enumerate(zip(self._panels, keys, strict=True)):
-            look = "cursor" if panel.name == self.open else "plain"
+        before = sum(map(len, self._lines[:index]))
+        for at, tab in enumerate(tabs, before):
+            look, link = "cursor" if tab.name == self._name_open else "plain", ("tab", at)
             spans += [Span(" " * gap, "dim")] if spans else []
-            spans.append(Span(panel.tab, look, ("tab", at)))
-            if key and has_keys:
-                spans += [Span(" "), Span(key, "link", ("tab", at))]
+            spans.append(Span(tab.label, look, link))
+            if tab.key:
+                spans += [Span(" "), Span(tab.key, "link", link)]
         return tuple(spans)
 
     def marked(self, made: Line) -> Line:
@@ -233,10 +275,28 @@ class TabStrip(Rows):
         )
 
     def follow(self, link: Link, column: int = 0) -> None:
-        self.post_message(self.Opened(self._panels[link[1]].name))
+        self.post_message(self.Opened(self._tabs[link[1]].name))
 
     def action_neighbour(self, step: int) -> None:
         """Open the next panel."""
-        names = [panel.name for panel in self._panels]
+        names = [tab.name for tab in self._tabs]
         if names:
-            self.post_message(self.Opened(names[(names.index(self.open) + step) % len(names)]))
+            at = names.index(self._name_open) + step
+            self.post_message(self.Opened(names[at % len(names)]))
+
+
+class Tab(NamedTuple):
+    """A panel in the strip of tabs."""
+
+    name: str
+    label: str
+    key: str
+
+    @property
+    def columns(self) -> int:
+        """The columns of its label and its key."""
+        return len(self.label) + bool(self.key) + len(self.key)
+
+
+FIGURES_KEY: Final = next(action.keys for action in VIEWER_ACTIONS if action.id == "panels")
+FIGURES_TAB: Final = Tab(FIGURES, FIGURES, key_text(FIGURES_KEY))

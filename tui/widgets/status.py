@@ -44,7 +44,7 @@ from automaton.history.state_words import (
     words_of,
 )
 from automaton.units import Unit, number, percent
-from automaton.vocabulary import COLOUR_WORDS, robot_word, with_cause
+from automaton.vocabulary import COLOUR_WORDS, DOWN, IN_WAIT_CYCLE, robot_word, with_cause
 from tui.registration import layers
 from tui.render import drawn_robots as drawn
 from tui.render import styles
@@ -62,6 +62,7 @@ if TYPE_CHECKING:
 WORD_GAP: Final = 2  # columns between two words of a line
 NEARLY_DONE = 0.9  # this share of the requested speed counts as reached
 SCALE_RANK = 1  # if not all words fit, hints are omitted first, then scales, then messages
+EXTRA_RANK = 5  # from which words are omitted before the names of states
 MAX_DESCRIBED_ROBOTS = 3  # described in one line
 
 # Drawn states of robots, in the order of the status line.
@@ -75,7 +76,6 @@ STATE_SIGNS: Final = {  # a shape that robots have in this state
     looks.DRAW_PARKED: looks.SHAPE_SQUARE,
     looks.DRAW_FAULT: looks.SHAPE_HOLLOW,
 }
-FAULT_WORDS: Final = COLOUR_WORDS[looks.STATE_COLOURS[looks.DRAW_FAULT]]  # "this, or that"
 ALWAYS_SHOWN: Final = (looks.DRAW_LOADED, looks.DRAW_EMPTY, looks.DRAW_WAITING, looks.DRAW_IDLE)
 NAMED_STATES: Final = (  # states with words; the first of these for which there is room
     frozenset(STATE_SIGNS),
@@ -156,6 +156,11 @@ class WordLine(MapView, can_focus=False):
 def columns_of(words: Sequence[Word]) -> int:
     """The columns that words need, with gaps between them."""
     return sum(len(one.glyphs) + WORD_GAP for one in words) - WORD_GAP if words else 0
+
+
+def lasting(words: Sequence[Word]) -> list[Word]:
+    """The words that do not give way to the names of states."""
+    return [one for one in words if one.rank < EXTRA_RANK]
 
 
 def _fitting(
@@ -262,7 +267,7 @@ def fleet_words(
     for named in NAMED_STATES:
         for zeros in (True, False) if is_still and named else (True,):
             said = [*state_words(scene, glyphs, named, zeros), *done]
-            if columns_of(said) <= room:
+            if columns_of(lasting(said)) <= room:
                 return said
     return said
 
@@ -298,6 +303,7 @@ def state_words(
     said = []
     for state, shape in STATE_SIGNS.items():
         common = state in ALWAYS_SHOWN or (state == looks.DRAW_CHARGING and scene.floor.battery)
+        common &= state != looks.DRAW_WAITING or not count[looks.DRAW_FAULT]  # who waits, too
         if count[state] or (common and with_zeros):
             name = looks.STATE_COLOURS[state]
             name = _fault_words(scene) if state == looks.DRAW_FAULT else name
@@ -313,12 +319,11 @@ def state_words(
 def _fault_words(scene: Scene) -> str:
     """What is wrong with the robots in the colour of faults."""
     assert scene.snapshot is not None
-    stuck, down = FAULT_WORDS.split(", or ")
     in_cycle = scene.snapshot.robots.wait_cycle_ticks > 0
     are_down = np.isin(scene.snapshot.robots.status, (STATUS_DEPLETED, STATUS_FAILED))
     if in_cycle.any() and are_down.any():
-        return FAULT_WORDS
-    return down if are_down.any() else stuck
+        return COLOUR_WORDS[looks.STATE_COLOURS[looks.DRAW_FAULT]]
+    return DOWN if are_down.any() else IN_WAIT_CYCLE
 
 
 def choice_words(robot: int, following: bool, layer: str, rank: int = 2) -> list[Word]:
@@ -381,8 +386,8 @@ class Notice(NamedTuple):
 
 
 def hint_words(signs: Sequence[tuple[tuple[tuple[int, ...], ...], str]]) -> list[Word]:
-    """Where all commands are, and a legend of the signs on the map."""
-    hint = word("ctrl+p all commands", styles.COLOUR_DIM, "command_palette")
+    """A legend of the signs on the map, and where all commands are if there is room."""
+    hint = word("ctrl+p all commands", styles.COLOUR_DIM, "command_palette", 2 + len(signs))
     return [hint, *legend_words(signs, 2)]
 
 

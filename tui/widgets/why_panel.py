@@ -1,10 +1,9 @@
 """Why a robot waits: the chain of causes with their rules, and its lost time.
 
-Every cause of lost time has a letter. Causes that count as blocked have their own pattern:
+Causes that count as blocked have their own pattern:
 
-    HHHQ....................     the whole time: a letter per share, dots for the rest
-    H head-on       ⣿⣿⣿⣿⣿⣿⡇      full bar, capital: another robot is in the way (blocked)
-    w random wait   ⠶⠆           thin bar, small letter: the robot waits for something else
+    head-on       ⣿⣿⣿⣿⣿⣿⡇      full bar: another robot is in the way (blocked)
+    random wait   ⠶⠆           thin bar: the robot waits for something else
 """
 
 from __future__ import annotations
@@ -42,14 +41,13 @@ from tui.widgets.panel import (
     wrapped,
 )
 
-CAUSE_LETTERS: Final = ".QHWDIVLBwFRopriPebszhSdkycgnlt"  # by cause; capitals count as blocked
 MAKING_WAY: Final = len(CAUSES)  # a kind of lost time without waiting
 UNDONE: Final = "{robot} moves to where later moves lead it back from, or turns in vain"
 LOST_KINDS: Final = (*CAUSES, Cause("making way", UNDONE, "", True))
-KIND_LETTERS: Final = f"{CAUSE_LETTERS}M"
 
+SELECT: Final = "p shows where the time of all robots went, a click on a robot, or ), that of one."
 MAX_WAITING_LISTED: Final = 40  # listed robots to choose from
-NAME_WIDTH: Final = 21  # columns for the letter and the name of a cause
+NAME_WIDTH: Final = 19  # columns for the name of a cause
 PERCENT_WIDTH: Final = 6
 
 SHOWN_IDLE: Final = 0.01  # share of time from which a robot is said to have been idle
@@ -89,12 +87,12 @@ class Why(TextPanel):
         head = f"robot {view.robot} lost {lost_share} of {count(ticks, 'tick')}"
         causes = np.argsort(-lost, kind="stable")[: np.count_nonzero(lost)].tolist()
         shares = [(cause, int(lost[cause]) / ticks) for cause in causes]
-        lines = [*wrapped(line(title(head)), width), shares_bar(shares, width)]
+        lines = wrapped(line(title(head)), width)
         digits = len(f"{total:,}") + 1
         room = max(0, width - NAME_WIDTH - digits - PERCENT_WIDTH)
         for cause, share in shares:
             link = ("cause", cause)
-            name = (cause_letter(cause), *term(LOST_KINDS[cause].name, link, NAME_WIDTH - 2))
+            name = term(LOST_KINDS[cause].name, link, NAME_WIDTH)
             figures = f"{int(lost[cause]):>{digits},}{percent(share, 0):>{PERCENT_WIDTH}}"
             lines.append(line(*name, cause_bar(cause, share, room, self.signs), figures))
             lines += self.explanation(link, LOST_KINDS[cause].meaning, width)
@@ -144,7 +142,7 @@ def longest_waits(view: View, width: int) -> list[Line]:
     if not len(waiting):
         return [
             line(title("no robot waits now")),
-            *wrapped(line(dim("Select a robot to see where its time went.")), width),
+            *wrapped(line(dim(SELECT)), width),
         ]
     ordered = waiting[np.argsort(fleet.since[waiting], kind="stable")].tolist()
     head = "wait, longest first" if len(ordered) > 1 else "waits"
@@ -174,24 +172,9 @@ def look_of(cause: int) -> str:
     return "warn" if LOST_KINDS[cause].blocked else "plain"
 
 
-def cause_letter(cause: int) -> Span:
-    """The letter of a cause in its colour, and a blank."""
-    return Span(f"{KIND_LETTERS[cause]} ", look_of(cause))
-
-
 def cause_bar(cause: int, share: float, width: int, signs: Signs) -> Span:
     """The bar of a cause."""
     return Span(bar(share, width, signs, thin=not LOST_KINDS[cause].blocked), look_of(cause))
-
-
-def shares_bar(shares: Sequence[tuple[int, float]], width: int) -> Line:
-    """A bar of the whole time with pairs (cause, share) in order; every cause is visible."""
-    spans, left = [], width
-    for cause, share in shares:
-        columns = min(left, max(1, round(share * width)))
-        spans.append(Span(KIND_LETTERS[cause] * columns, look_of(cause)))
-        left -= columns
-    return (*spans, dim("." * left))
 
 
 def pattern_key(causes: Sequence[int], signs: Signs) -> Line:

@@ -38,6 +38,7 @@ from tui.widgets.panel import (
 
 MOST_PARTS: Final = 12  # parts named in a line
 MAX_ROBOTS_LISTED = 24  # robots named in a list
+MAX_SLOW_ZONES_LISTED: Final = 5
 
 
 def partition_of(view: View) -> ServiceZones | None:
@@ -330,6 +331,25 @@ def zones_in(view: View) -> TrafficZones:
 def zone_link(zone: int) -> Span:
     """A zone's number as a link to the inspector."""
     return Span(str(zone), "link", ("zone", zone))
+
+
+def slow_zones(view: View) -> list[Line]:
+    """The zones that slowed moves most so far, with lost ticks."""
+    lost = view.snapshot.lost_in_zone
+    worst = [
+        zone
+        for zone in np.argsort(-lost, kind="stable")[:MAX_SLOW_ZONES_LISTED].tolist()
+        if lost[zone]
+    ]
+    if not worst:
+        return []
+    wide, served = len(str(max(worst))), partition_of(view) is not None
+    names = [str(zone) if served else zone_link(zone) for zone in worst]
+    rows = [
+        line("zone ", name, " " * (wide - len(str(zone))), f"{int(lost[zone]):>9,}")
+        for zone, name in zip(worst, names, strict=True)
+    ]
+    return [line(title("slowest zones"), dim(" by ticks lost in them")), *rows]
 
 
 def robots_in(view: View, zone: int) -> NDArray[np.intp]:

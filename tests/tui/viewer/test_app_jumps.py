@@ -6,17 +6,27 @@ import asyncio
 from collections.abc import Awaitable, Callable
 
 import pytest
-from viewer_harness import Watched, mini, viewing
+from panel_harness import text
+from viewer_harness import Watched, mini, screen_text, viewing
 
 from automaton.engine.state import NIL
+from automaton.runs.metric_catalogue import time_shares
+from automaton.units import percent
+from automaton.world.resolve import resolve
 from tui.playback.panel_view import CellChosen, RobotChosen, TickChosen
+from tui.playback.run_source import Opening, live
 
 NARROW, MIDDLE = (80, 24), (120, 36)
+SHOWN = {"tabletop-1": 634, "goods-60x40": 900, "factory": 900}  # ticks
 
 
-def story(tell: Callable[[Watched], Awaitable[None]], size: tuple[int, int] = NARROW) -> None:
+def story(
+    tell: Callable[[Watched], Awaitable[None]],
+    size: tuple[int, int] = NARROW,
+    opening: Opening | None = None,
+) -> None:
     async def told() -> None:
-        async with viewing(size=size) as user:
+        async with viewing(opening, size) as user:
             await user.at(120)
             await tell(user)
 
@@ -65,6 +75,52 @@ def test_what_was_found_is_seen_on_the_map() -> None:
         await user.until(lambda: user.display.column.name_open == "events")
         await user.press("slash", *"robot", "space", "2", "enter")
         await user.until(lambda: user.session.choice.robot == 2 and not covered(user))
+
+    story(tell)
+
+
+@pytest.mark.parametrize(
+    ("name", "tick", "size"),
+    [
+        *((name, tick, NARROW) for name, tick in SHOWN.items()),
+        *((name, tick, MIDDLE) for name, tick in SHOWN.items()),
+    ],
+)
+def test_the_bottleneck_and_where_the_time_went_are_seen_at_once(
+    name: str, tick: int, size: tuple[int, int]
+) -> None:
+    """In a narrow terminal with the key that the last line names."""
+
+    async def tell(user: Watched) -> None:
+        if size == NARROW:
+            assert "p Figures" in screen_text(user.app)
+            await user.press("p")
+        await user.at(tick)
+        figures = user.display.column.figures
+        shares = time_shares(user.session.view().measured.uses)
+        rows = [(f" {name} ", f" {percent(share)}") for name, share, _ in shares]
+        await user.until(
+            lambda: all(name in (told := text(figures)) and share in told for name, share in rows)
+        )
+        told = text(figures)
+        assert 0 < told.index(" bottleneck ") < told.index("where the time went")
+
+    story(tell, size, live(resolve(name), None))
+
+
+def test_the_key_of_the_figures_opens_them_beside_the_map_then_alone() -> None:
+    async def tell(user: Watched) -> None:
+        column = user.display.column
+        await user.press("w")
+        assert column.name_open == "why" and not column.figures.is_on_screen
+        await user.press("w", "p")
+        assert column.name_open == "figures" and column.figures.is_on_screen
+        assert not covered(user)
+        await user.press("p")
+        await user.until(lambda: "no robot waits now" in text(column.panels["why"]))
+        assert column.figures.is_on_screen and covered(user)
+        await user.press("p")
+        assert not column.is_on_screen and not covered(user)
 
     story(tell)
 

@@ -86,6 +86,11 @@ def test_a_turntable_tells_exits_room_and_who_wants_it() -> None:
     assert "here robot 2" in said_then and "wanted by robot 1, robot 4" in said_then
 
 
+def test_exits_into_storage_are_told_apart_since_only_robots_with_a_pod_take_them() -> None:
+    said_then = shown(Inspector(), of_cell(moment(0, "goods-60x40"), 20, 5))
+    assert "exits north; east, south, west into storage" in said_then
+
+
 def test_a_shelf_tells_its_load_its_goal_and_who_fetches_it() -> None:
     view = busy()
     orders, slots = view.snapshot.orders, view.snapshot.slots

@@ -291,10 +291,33 @@ def test_the_tabs_leave_a_column_free_at_the_edge(width: int) -> None:
         assert isinstance(column, PanelColumn)
         column.styles.width = width
         await pilot.pause()
-        words = said(column.tabs)[0]
-        assert len(words) < column.tabs.width and all(
-            panel.tab in words for panel in panels().by_name.values()
-        )
-        assert words.endswith("K") == (width > 40)
+        lines = said(column.tabs)
+        assert len(lines) == (1 if width > 40 else 2)
+        assert all(len(words) < column.tabs.width for words in lines)
+        words = "  ".join(lines)
+        assert all(f"{one.tab} {one.key}" in words for one in panels().by_name.values())
 
     run_in_harness(PanelColumn(UNICODE, panel_widgets()), story, width, 24)
+
+
+def test_where_there_is_no_room_for_both_the_figures_are_one_of_the_panels() -> None:
+    column = PanelColumn(UNICODE, panel_widgets())
+
+    async def story(stage: PanelHarness, pilot: Pilot[None]) -> None:
+        column.show_one(True)
+        column.open("why")
+        column.show(of_robot(deadlocked(), 1))
+        await pilot.pause()
+        assert not column.figures.display and column.figures.view is None
+        assert said(column.tabs) == ["figures p   info i   why w", "events e   robots t   legend K"]
+        assert "robot 1 has been waiting" in text(column.panels["why"])
+        await click(pilot, column.tabs, "figures")
+        assert column.name_open == "figures" and not column.panels["why"].is_on_screen
+        assert column.figures.region.y == 2 and column.figures.size.height == 18
+        assert "where the time went" in text(column.figures)
+        column.tabs.focus()
+        await pilot.press("right")
+        assert column.name_open == "inspector" and not column.figures.display
+        assert "robot 1" in text(column.panels["inspector"])
+
+    run_in_harness(column, story, 35, 20)

@@ -32,9 +32,10 @@ from tui.render.styles import ASCII
 from tui.screens.find_dialog import find
 from tui.widgets.inspector import Inspector
 from tui.widgets.legend_panel import legend
-from tui.widgets.metrics_panel import Figures, slow_zones
+from tui.widgets.metrics_panel import Figures
 from tui.widgets.status import describe
 from tui.widgets.why_panel import Why
+from tui.widgets.zone_facts import slow_zones
 
 SLOW = ("world={slowdown: zones}", "fleet.robots=5")
 AISLES = ".....\n.#.#.\n....."
@@ -273,9 +274,9 @@ def test_driving_slowly_is_told_beside_lost_time_and_is_no_wait(crowded: View) -
     lost = crowded.snapshot.robots.lost
     robot = int(np.argmax(lost[:, CAUSE_REDUCED_SPEED]))
     ticks = int(lost[robot, CAUSE_REDUCED_SPEED])
-    row = shown(Why(), of_robot(crowded, robot)).partition("s reduced speed ")[2]
+    row = shown(Why(), of_robot(crowded, robot)).partition(" reduced speed ")[2]
     assert row.split()[1:3] == [str(ticks), f"{100 * ticks / 300:.0f}"]
-    assert "s reduced speed" in shown(Figures(), crowded, 56, 90)
+    assert " reduced speed " in shown(Figures(), crowded, 56, 90)
     assert f"slowed by {ticks} ticks" in shown(Inspector(), of_robot(crowded, robot))
     found = find(f"slowdown_ticks >= {ticks}", crowded).robots
     assert found == tuple(np.flatnonzero(lost[:, CAUSE_REDUCED_SPEED] >= ticks).tolist())

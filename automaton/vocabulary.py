@@ -60,7 +60,7 @@ CONDITION_WORDS: Final = (
     *(STATE_WORDS[state] for state in (RobotState.TOWED, RobotState.GONE)),
 )
 IN_WAIT_CYCLE: Final = "in a wait cycle"
-DOWN: Final = "down"
+IS_DOWN: Final = "down"
 # Colours in which robots are drawn, by their names in the palette.
 COLOUR_WORDS: Final = {
     "parked": "parked",
@@ -70,7 +70,7 @@ COLOUR_WORDS: Final = {
     "loaded": "with a load",
     "low battery": "battery below 20 %",
     "waiting": "waiting",
-    "fault": f"{IN_WAIT_CYCLE}, or {DOWN}",
+    "fault": f"{IN_WAIT_CYCLE}, or {IS_DOWN}",
 }
 
 

@@ -523,7 +523,7 @@ def shaded(heat: HeatMap, width: int) -> Iterator[str]:
     field, step = coarse(heat.field, block), block * heat.side
     known = field[np.isfinite(field)]
     most = float(known.max(initial=0))
-    yield f"{heat.title} (most: {number(most)} {heat.unit})"
+    yield from wrapped(f"{heat.title} (most: {number(most)} {heat.unit})", width)
     scale = "".join(f"{number(x * step):<10}" for x in range(0, field.shape[1], 10))
     yield f"{'':{margin}}{scale}{heat.axis}"
     for y, row in enumerate(field):
@@ -533,9 +533,9 @@ def shaded(heat: HeatMap, width: int) -> Iterator[str]:
     scale_text = ", ".join(
         f"{sign} up to {number((index + 1) * steps)}" for index, sign in enumerate(SHADES)
     )
-    yield f"{EMPTY_MARK} none, {scale_text}" if most else "all values are 0"
+    yield from wrapped(f"{EMPTY_MARK} none, {scale_text}" if most else "all values are 0", width)
     if heat.note:
-        yield heat.note
+        yield from wrapped(heat.note, width)
 
 
 def shade(value: float, most: float) -> str:

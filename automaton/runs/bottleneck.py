@@ -10,7 +10,8 @@ from collections.abc import Sequence
 from typing import Any, Final, NamedTuple
 
 from automaton.runs.metric_catalogue import units_of
-from automaton.runs.periods import HOUR_S, Period, moment
+from automaton.runs.periods import HOUR_S, moment
+from automaton.runs.periods import Period as Period
 from automaton.units import count, number, percent
 from automaton.world.resolved import Resolved
 
@@ -23,6 +24,7 @@ FALL: Final = 0.1  # of a rate, from which it is said to fall
 MEANS: Final = Period._fields[
     Period._fields.index("on_orders") : -1
 ]  # means over the ticks of a period
+LEAST_TICKS: Final = 128  # of a run that has a bottleneck while it is watched
 MENTIONED: Final = 0.05  # share of the run in which something else has to be saturated
 
 
@@ -124,11 +126,15 @@ def bottleneck_in_short(resolved: Resolved, periods: Sequence[Period]) -> str:
     """What was saturated for longest, and for how long; "" before the first period."""
     if not periods:
         return ""
+    resource, share = longest_saturated(resolved, periods)
+    return f"{resource}, saturated {percent(share, 0)} of the run" if share else "nothing saturated"
+
+
+def longest_saturated(resolved: Resolved, periods: Sequence[Period]) -> tuple[str, float]:
+    """The resource that was saturated for longest, and its share of the run; ("", 0) if none was."""
     names, robots = _stations(resolved, periods), resolved.scenario.fleet.robots
     first = next(iter(bottlenecks_of(periods, robots, names)), None)
-    if first is None or first.share < MENTIONED:
-        return "nothing saturated"
-    return f"{first.resource}, saturated {percent(first.share, 0)} of the run"
+    return (first.resource, first.share) if first and first.share >= MENTIONED else ("", 0.0)
 
 
 def _stations(resolved: Resolved, periods: Sequence[Period]) -> Sequence[str]:

@@ -229,12 +229,9 @@ TIME_USES: Final = {
     "traffic": TimePart(
         "#d55e00", {name: "" for name in (*TRAFFIC_SUMS, "lost_illegal", "lost_standing")}
     ),
+    "charger queue": TimePart("#8c510a", {"lost_charger_queue": ""}),
     "to chargers": TimePart(
-        "#a39a1c",
-        {
-            "driving_to_chargers": "moves and turns on the way to chargers",
-            "lost_charger_queue": "",
-        },
+        "#a39a1c", {"driving_to_chargers": "moves and turns on the way to chargers"}
     ),
     "charging": TimePart("#f0e442", {"charging": "charging"}),
     "down": TimePart(

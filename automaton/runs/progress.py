@@ -257,12 +257,18 @@ NAMED_REACH: Final = 3  # largest distance of a named place
 
 
 class SlowPlace(NamedTuple):
-    """A place where robots lose time."""
+    """A place where robots lose time, or a saturated station."""
 
     cell: int  # its centre
     ticks: int  # robot ticks lost there
-    share: float  # of all lost time
+    share: float  # of all lost time; of a station, of the run
     place: str  # in words
+    of_total: str = "of lost time"
+
+    @property
+    def words(self) -> str:
+        """The place and its share: "crossing (5, 0): 57 % of lost time"."""
+        return f"{self.place}: {100 * self.share:.0f} % {self.of_total}"
 
 
 def bottlenecks(
@@ -296,10 +302,12 @@ def place_words(cell: int, floor_plan: FloorPlan, names: tuple[tuple[int, str], 
     names: cells with their names.
     """
     at = floor_plan.xy(cell)
-    nearest, distance = (int(table[cell]) for table in places_near(floor_plan, names))
-    if nearest != NIL:
-        name = names[nearest][1]
-        return f"before {name}, {at}" if distance else f"{name}, {at}"
+    rows, columns = np.divmod(np.array([one for one, _ in names], np.int64), floor_plan.stride)
+    row, column = divmod(cell, floor_plan.stride)
+    distance = np.maximum(abs(rows - row), abs(columns - column))
+    if len(names) and (least := int(distance.min())) <= NAMED_REACH:
+        nearest = dict.fromkeys(names[place][1] for place in np.flatnonzero(distance == least))
+        return f"{'before ' * bool(least)}{' and '.join([*nearest][:2])}, {at}"
     aisles = aisles_of(floor_plan)
     inside = int(aisles[cell])
     beside = aisles[[cell + 1, cell + floor_plan.stride, cell - 1, cell - floor_plan.stride]]
@@ -307,23 +315,6 @@ def place_words(cell: int, floor_plan: FloorPlan, names: tuple[tuple[int, str], 
         return f"aisle {inside}, {at}"
     number = inside or int(beside.max())
     return f"mouth of aisle {number}, {at}" if number else f"crossing {at}"
-
-
-@lru_cache(maxsize=4)
-def places_near(floor_plan: FloorPlan, names: tuple[tuple[int, str], ...]) -> tuple[Array, Array]:
-    """(C,) the index of the nearest named place within NAMED_REACH, or NIL; and its distance.
-
-    The distance is the larger one of that in rows and that in columns; of places at the same distance
-    the first counts.
-    """
-    shape = floor_plan.kind.shape
-    nearest, distance = np.full(shape, NIL, np.int64), np.zeros(shape, np.int64)
-    for reach in range(NAMED_REACH, -1, -1):
-        for index in range(len(names) - 1, -1, -1):
-            y, x = divmod(names[index][0], floor_plan.stride)
-            rows, columns = (slice(max(0, at - reach), at + reach + 1) for at in (y, x))
-            nearest[rows, columns], distance[rows, columns] = index, reach
-    return nearest.reshape(-1), distance.reshape(-1)
 
 
 @lru_cache(maxsize=4)

@@ -16,6 +16,7 @@ from automaton.commands import main
 from automaton.printable import INDENT
 
 WIDTHS = (60, 80, 120)
+SECONDS = "--set units.tick=1s --set units.cell=1m"
 NO_LIMIT = 1000
 COMMANDS = {
     "list": "list",
@@ -45,6 +46,12 @@ COMMANDS = {
     "cast": "cast {folder}/pods.rec --html {folder}/film.html --to 50",
     "picture": "cast {folder}/pods.rec --picture {folder}/still.txt --at 40",
     "compile": "compile tabletop-mini",
+    "compare": f"compare tabletop-mini {SECONDS} {{folder}}/a.jsonl --runs 20 --workers 1",
+    "check a strategy": "check-strategy allocation:shortest-job --floors 1 --only legality",
+}
+ELSEWHERE = {  # screens, a long one, and what programs read
+    *("watch", "replay", "serve", "train"),
+    *("schema", "new-strategy"),
 }
 SENTENCES = ("export", "export a floor", "cast", "picture", "compile")  # wrapped on terminals alone
 CHANGES = """- {name: one robot fewer, set: {fleet.robots: 2}}
@@ -70,6 +77,8 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     assert main(["run", "goods-mini", "--record", str(folder / "pods.rec")]) == 0
     assert main(f"export {folder}/pods.rec --vda5050 {folder}/pods.jsonl --every 1s".split()) == 0
     assert main(f"export goods-mini --lif {folder}/pods.lif".split()) == 0
+    assert main(f"run tabletop-mini {SECONDS} --record {folder}/day.rec".split()) == 0
+    assert main(f"export {folder}/day.rec --vda5050 {folder}/a.jsonl --every 1s".split()) == 0
     return folder
 
 
@@ -109,6 +118,10 @@ def test_lines_fit_and_words_are_whole(
         if name != "bench":
             assert words(lines) - whole == set(), "a word is cut"
             assert not {one for one in whole - words(lines) if len(one) > 12}, "a word is lost"
+
+
+def test_no_command_is_left_out() -> None:
+    assert {command.split()[0] for command in COMMANDS.values()} | ELSEWHERE == set(ALL_COMMANDS)
 
 
 @pytest.mark.parametrize("name", ["", *ALL_COMMANDS])

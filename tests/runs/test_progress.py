@@ -145,11 +145,11 @@ def test_places_that_cost_most_time_are_named_by_what_is_near() -> None:
     assert bottlenecks(np.zeros_like(lost), plan, {}) == ()
 
 
-def test_the_nearest_of_many_named_places_counts_and_the_first_of_equally_near_ones() -> None:
+def test_the_nearest_of_many_named_places_counts_and_both_of_equally_near_ones() -> None:
     plan = draw_floor("\n".join(["." * 12] * 9))
     places = {(2, 2): "station 1", (6, 2): "station 2", (6, 8): "charger 1"}
     names = tuple((plan.cell(*at), name) for at, name in places.items())
-    at = {(2, 2): "station 1, (2, 2)", (4, 2): "before station 1, (4, 2)"}
+    at = {(2, 2): "station 1, (2, 2)", (4, 2): "before station 1 and station 2, (4, 2)"}
     at |= {(5, 2): "before station 2, (5, 2)", (6, 6): "before charger 1, (6, 6)"}
     assert {xy: place_words(plan.cell(*xy), plan, names) for xy in at} == at
     assert "before" not in place_words(plan.cell(10, 4), plan, names)

@@ -15,6 +15,7 @@ from automaton.history.divergence import Divergence
 from automaton.history.playback import Playback
 from automaton.history.snapshot import Snapshot
 from automaton.history.watched_run import WatchedRun
+from automaton.runs.bottleneck import LEAST_TICKS, Period, longest_saturated
 from automaton.runs.metrics import (
     OPERATION_STATES,
     executed_ticks,
@@ -22,7 +23,6 @@ from automaton.runs.metrics import (
     uses_of_run,
     uses_of_time,
 )
-from automaton.runs.periods import Period
 from automaton.runs.progress import Jam, SlowPlace, bottlenecks, largest_jam, starved_robots
 from automaton.runs.simulation import Simulation
 from tui.registration import layer_named
@@ -83,7 +83,7 @@ class RunFigures:
     active: Array  # (n,) float64: share of active ticks
     starved: Array  # (k,) identities of starved robots, ascending
     jam: Jam | None  # the largest group of these that stands together
-    bottlenecks: tuple[SlowPlace, ...]  # where most time was lost, the worst first
+    bottlenecks: tuple[SlowPlace, ...]  # a saturated station; where most time was lost
     periods: tuple[Period, ...]  # up to then
     uses: dict[str, int]  # robot ticks by use
     making_way: Array  # (n,) ticks by identity: lost in moves and turns that were undone
@@ -99,10 +99,24 @@ def figures_of(run: WatchedRun) -> RunFigures:
     starved = np.sort(world.robots.identity[starved_robots(world)])
     jam = largest_jam(world, run.floor_plan)
     lost = shown.observation.lost_ticks_by_cell[:, LOST_EVER]
+    periods = tuple(run.periods())
     worst = bottlenecks(lost, run.floor_plan, run.resolved.place_names)
+    worst = (*saturated_station(run, shown.tick, periods), *worst)
     figures = shown.tick, metrics_of(shown), operations, active
     uses, undone = uses_of_run(shown), uses_of_time(world).making_way[by_identity]
-    return RunFigures(*figures, starved, jam, worst, tuple(run.periods()), uses, undone)
+    return RunFigures(*figures, starved, jam, worst, periods, uses, undone)
+
+
+def saturated_station(
+    run: WatchedRun, tick: int, periods: tuple[Period, ...]
+) -> tuple[SlowPlace, ...]:
+    """The station that was saturated for longest of all resources up to a tick, if it is one."""
+    if tick < LEAST_TICKS or not periods:
+        return ()
+    resource, share = longest_saturated(run.resolved, periods)
+    cells = [cell for cell, name in run.resolved.place_names.items() if name == resource]
+    place = f"{resource}, {run.floor_plan.xy(cells[0])}, saturated" if cells else ""
+    return (SlowPlace(cells[0], 0, share, place, "of the run"),) if cells else ()
 
 
 KEPT_EVERY: Final = 512  # ticks between two counts that are kept

@@ -299,7 +299,7 @@ class FindActions:
             session.notify("no deadlock so far")
 
     def _go_to_bottleneck(self) -> None:
-        """Number the three worst places on the map, and go to the next one."""
+        """Number a saturated station and the three worst places on the map, and go to the next one."""
         session = self._session
         if not session.ready() or session.playback is None:
             return
@@ -315,8 +315,12 @@ class FindActions:
         )
         session.choose(cell=cells[at])
         session.show_cell(cells[at])
-        one = worst[at]
-        session.notify(f"{at + 1} {one.place}: {100 * one.share:.0f} % of lost time")
+        others = [
+            f"{number}: {100 * one.share:.0f} %"
+            for number, one in enumerate(worst, 1)
+            if number != at + 1 and one.ticks
+        ]
+        session.notify("; ".join([f"{at + 1} {worst[at].words}", ", ".join(others)]).rstrip("; "))
 
     def _clear(self) -> None:
         if self._session.goal is not None and self._session.player is not None:

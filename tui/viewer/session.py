@@ -514,8 +514,7 @@ class Display:
 
     def mode(self, playback: PlaybackState) -> Word:
         """The mode (live, past of a live run, or recorded) and how the run ended."""
-        session = self._session
-        side = session.choice.side
+        session, side = self._session, self._session.choice.side
         if session.live:
             return mode_word(playback, side, "recording" if session.recordings else "live")
         name = "compare" if session.opening.comparing else "replay"
@@ -561,8 +560,9 @@ class Display:
             return [word(describe(session.scene(), choice.cell))]
         if session.divergence is not None:
             return [word(session.divergence.text, styles.COLOUR_TEXT, "next_difference")]
-        zoom, in_pixels = session.pictures.camera.zoom, session.pictures.in_pixels
-        return hint_words(floor_legend(session.scene().floor, zoom, session.glyphs, in_pixels))
+        shown = session.pictures.camera.zoom, session.glyphs, session.pictures.in_pixels
+        name = "" if self.title_line.is_on_screen else session.titles[0].partition(",")[0]
+        return hint_words(floor_legend(session.scene().floor, *shown), name)
 
     def _update_panels(self, now: float) -> None:
         session, pause = self._session, STRAINED_S if self.frames.pace.strained else PANELS_S

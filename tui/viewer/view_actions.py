@@ -36,8 +36,7 @@ BESIDE_COLUMNS: Final = 36  # of a panel beside the map of a narrow screen
 BELOW_SHARE: Final = 0.45  # share of the rows for a panel below such a map
 LEAST_ROWS: Final = 6  # its least number of rows
 ABOUT_CHOICE: Final = ("inspector", "why")  # panels about the selection
-FIGURES: Final = "figures"
-MIDDLE: Final = "the cell in the middle of the map: / finds a place, ) shows the next robot"
+MIDDLE_CELL: Final = "the cell in the middle of the map: / finds a place, ) shows the next robot"
 
 DIMMED = 0.4  # share of the way to the background
 
@@ -360,7 +359,9 @@ class PanelActions:
         was_off, column = self._seen == "off", self._display.column
         self.show({"off": "side", "side": "full", "full": "off"}[self._seen])
         if was_off and column is not None:
-            column.open(FIGURES)
+            column.open("metrics")
+        elif self._seen == "full":
+            self._display.notices.say("p shows the map again", timeout=3)
 
     def _scroll(self, pages: int) -> None:
         column = self._display.column
@@ -411,7 +412,7 @@ class PanelActions:
         middle = camera.cell_at(camera.rows // 2, camera.columns // 2)
         cell = middle if self._session.hovered == NIL else self._session.hovered
         if self._session.hovered == NIL:
-            self._display.notices.say(MIDDLE)
+            self._display.notices.say(MIDDLE_CELL)
         if cell is not None:
             self._session.choose_at(cell)
 

@@ -139,7 +139,7 @@ _FIXED: Final = (
                 "bottleneck",
                 "y",
                 "Lost time",
-                "the three places that cost most time, in turn",
+                "a saturated station, and where most time was lost, in turn",
                 True,
             ),
             Action(
@@ -163,10 +163,10 @@ _FIXED: Final = (
     Topic(
         "Panels",
         (
-            Action("panels", "p", "Figures", "panels off, beside or instead of map", True),
             Action(
-                "scroll_down", "pagedown", "Scroll panel", "scroll the open panel a page down", True
+                "panels", "p", "Metrics", "metrics and panels off, beside or instead of map", True
             ),
+            Action("scroll_down", "pagedown", "Scroll", "scroll the open panel a page down", True),
             Action("scroll_up", "pageup", "Scroll back", "scroll the open panel a page up"),
             Action("compare_side", "o", "Other run", "panels show the other run"),
             Action(

@@ -16,7 +16,7 @@ import math
 import re
 import textwrap
 from collections.abc import Callable, Sequence
-from itertools import accumulate
+from itertools import accumulate, zip_longest
 from typing import Final
 
 import numpy as np
@@ -40,6 +40,7 @@ from automaton.engine.state import (
 from automaton.history.event_history import Curve
 from automaton.history.fleet_summary import FleetSummary, summarize
 from automaton.runs.bottleneck import (
+    LEAST_TICKS,
     bottleneck_in_short,
     bottleneck_sentences,
     flow_name,
@@ -49,7 +50,6 @@ from automaton.runs.bottleneck import (
 from automaton.runs.metric_catalogue import METRIC_CATALOGUE, time_shares
 from automaton.runs.periods import Period
 from automaton.units import count, number, percent
-from automaton.vocabulary import IN_WAIT_CYCLE
 from tui.playback.panel_view import JamChosen, TickChosen, View, middle_robot
 from tui.widgets.panel import (
     Line,
@@ -66,7 +66,7 @@ from tui.widgets.panel import (
     title,
     wrapped,
 )
-from tui.widgets.robot_facts import battery_figures, may_fail
+from tui.widgets.robot_facts import IN_WAIT_CYCLE, battery_figures, may_fail
 from tui.widgets.why_panel import LOST_KINDS, NAME_WIDTH, cause_bar, lost_kinds, pattern_key
 from tui.widgets.zone_facts import partition_of, parts_finished, slow_zones
 
@@ -80,7 +80,7 @@ SHORT_UNIT: Final = "/kt"  # where there is little room
 CURVE_ROWS: Final = 3
 LEAD_ROWS: Final = 2
 PERIODS_SHOWN: Final = 6
-LEAST_TICKS: Final = 128  # of a run that has a bottleneck
+LEAST_HALF: Final = 34  # columns of one of two parts side by side
 
 
 class Figures(TextPanel):
@@ -101,8 +101,7 @@ class Figures(TextPanel):
         periods, curves = last_periods(view, width), self._curves(view, width)
         by_hour = view.run.marks.is_fixed
         parts = (
-            self._now(view, width),
-            self._time(view, width),
+            *self._first(view, width),
             self._state(view, width),
             bottleneck_so_far(view, width),
             *((periods,) if by_hour else ()),
@@ -114,6 +113,14 @@ class Figures(TextPanel):
         )
         self.ends = tuple(accumulate(len(part) for part in parts))
         return [made for part in parts for made in part]
+
+    def _first(self, view: View, width: int) -> list[list[Line]]:
+        """The first metrics, and where the time went: below them or, where there is room, beside them."""
+        half = width // 2 - 1
+        if half < LEAST_HALF:
+            return [self._now(view, width), self._time(view, width)]
+        rows = zip_longest(self._now(view, half), self._time(view, half), fillvalue=())
+        return [[(*one, Span(" " * (half + 2 - length(one))), *other) for one, other in rows]]
 
     def rows_within(self, most: int) -> int:
         """The greatest number of rows up to `most` that shows only whole parts."""
@@ -137,7 +144,7 @@ class Figures(TextPanel):
         )
         return [
             _figure("delivered", of_all, bar(share, room, self.signs)),
-            *_lines(fleet, view),
+            *_lines(fleet, view, width),
             _figure("throughput", f"{_short(rate)} {unit}"),
             _figure(f"  last {NOW_TICKS}", f"{_short(now)} {unit}"),
             *self._share("utilization", "utilization", view, width),
@@ -388,13 +395,14 @@ def _figure(name: str, *parts: str) -> Line:
     return (dim(name.ljust(NAME_COLUMNS)), *line(*parts))
 
 
-def _lines(fleet: FleetSummary, view: View) -> list[Line]:
+def _lines(fleet: FleetSummary, view: View, width: int) -> list[Line]:
     """Finished lines and trips, where orders consist of lines."""
     if not fleet.lines:
         return []
     trips = int(np.count_nonzero(view.snapshot.orders.state == ORDER_DELIVERED))
-    done = f"{fleet.lines_done:,} of {fleet.lines:,}, {count(trips, 'trip')}"
-    return [_figure("lines done", done)]
+    done = f"{fleet.lines_done:,} of {fleet.lines:,}"
+    with_trips = f"{done}, {count(trips, 'trip')}"
+    return [_figure("lines done", with_trips if len(with_trips) <= width - NAME_COLUMNS else done)]
 
 
 def _short(value: float) -> str:
@@ -410,14 +418,14 @@ def _robots(view: View, width: int) -> list[Line]:
     parked = int(np.count_nonzero(fleet.parked))
     idle = int(np.count_nonzero((fleet.cause == CAUSE_NO_ORDER) & (fleet.parked == 0)))
     work = len(fleet) - waiting - stuck - parked - idle
-    kinds = (
-        (work, "working", "plain"),
-        (waiting, "waiting", "warn"),
-        (stuck, IN_WAIT_CYCLE, "fault"),
-        (parked, "parked", "plain"),
-        (idle, "idle", "plain"),
-    )
-    said = [Span(f"{robots:,} {words}", look) for robots, words, look in kinds if robots]
+    kinds = [
+        (work, Span(f"{work:,} working")),
+        (waiting, Span(f"{waiting:,} waiting", "warn")),
+        (stuck, Span(f"{stuck:,} {IN_WAIT_CYCLE}", "fault")),
+        (parked, Span(f"{parked:,} parked")),
+        (idle, Span(f"{idle:,} idle")),
+    ]
+    said = [span for robots, span in kinds if robots]
     rows = [said]
     for step in (len(said), 2, 1):
         rows = [said[at : at + step] for at in range(0, len(said), step)]

@@ -330,7 +330,7 @@ class Rows(ScrollView, can_focus=True, inherit_bindings=False):
         Binding("up", "move(-1)", "Up", show=False),
         Binding("down", "move(1)", "Down", show=False),
         Binding("pageup", "page(-1)", "Page up", show=False),
-        Binding("pagedown", "page(1)", "Page down", show=False),
+        Binding("pagedown", "page(1)", "Scroll", key_display="pgdn"),
         Binding("enter", "follow_cursor", "Open", show=False),
     ]
 

@@ -1,10 +1,10 @@
-"""The panels: the figures, and below or beside them one of the others; or one of all.
+"""The panels: the metrics, and below or beside them one of the others; or one of all.
 
 column              full                           one
 +------------+      +-----------+-----------+      +------------+
-| figures    |      | figures   | tabs      |      | tabs       |
+| metrics    |      | metrics   | tabs      |      | tabs       |
 +------------+      |           +-----------+      +------------+
-| tabs       |      |           | the open  |      | figures or |
+| tabs       |      |           | the open  |      | metrics or |
 | the open   |      |           | panel     |      | the open   |
 | panel      |      |           |           |      | panel      |
 +------------+      +-----------+-----------+      +------------+
@@ -31,9 +31,9 @@ from tui.widgets.bindings import VIEWER_ACTIONS, key_text
 from tui.widgets.metrics_panel import Figures
 from tui.widgets.panel import Line, Link, PanelWidget, Rows, Signs, Span, signs_of
 
-FIGURES_SHARE: Final = 0.62  # maximum of the height; shows where the time went in 36 rows
+METRICS_SHARE: Final = 0.65  # maximum of the height; shows where the time went in 36 rows
 MAX_TAB_GAP: Final = 3  # columns between tabs
-FIGURES: Final = "figures"
+METRICS_NAME: Final = "metrics"
 
 
 class PanelColumn(Container):
@@ -49,16 +49,16 @@ class PanelColumn(Container):
         &.full > Figures { width: 2fr; height: 1fr; max-height: 100%; }
         &.full > Vertical { width: 3fr; }
         &.one > Figures { display: none; }
-        &.one.figures > Figures { display: block; height: 1fr; max-height: 100%; }
-        &.one.figures > Vertical { height: auto; dock: top; }
-        &.one.figures ContentSwitcher { display: none; }
+        &.one.metrics > Figures { display: block; height: 1fr; max-height: 100%; }
+        &.one.metrics > Vertical { height: auto; dock: top; }
+        &.one.metrics ContentSwitcher { display: none; }
     }
     """
 
     def __init__(self, glyphs: GlyphSet, widgets: Widgets, *, id: str | None = None) -> None:
         super().__init__(id=id)
         signs = signs_of(glyphs)
-        self.figures = Figures(signs, id=FIGURES)
+        self.figures = Figures(signs, id="figures")
         self.panels: dict[str, Any] = {}
         problems = list(widgets.problems)
         for name, kind in widgets.by_name.items():
@@ -80,43 +80,43 @@ class PanelColumn(Container):
 
     @property
     def name_open(self) -> str:
-        """The name of the panel that is open below the tabs; "figures" if they take its place."""
-        return FIGURES if self.has_class("one") and self.tabs.shows_figures else self.tabs.open
+        """The name of the panel that is open below the tabs; "metrics" if they take its place."""
+        return METRICS_NAME if self.has_class("one") and self.tabs.shows_metrics else self.tabs.open
 
     def show_one(self, one: bool) -> None:
-        """Show only the figures or only the open panel, where there is no room for both."""
+        """Show only the metrics or only the open panel, where there is no room for both."""
         self.set_class(one, "one")
-        self.tabs.has_figures = one
+        self.tabs.has_metrics = one
         self.tabs.set_content()
 
     def show(self, view: View) -> None:
-        """Show a view in the figures and in the open panel, if visible."""
+        """Show a view in the metrics and in the open panel, if visible."""
         self._view = view = _within(view)
-        self._fit_figures()
+        self._fit_metrics()
         key = (*view.key, self.figures.display, self.name_open)
         if not self.is_mounted or not self.size or key == self._key:
             return
         self._key = key
         if self.figures.display:
             self.figures.show(view)
-            self._fit_figures()
-        if self.tabs.open and self.name_open != FIGURES:
+            self._fit_metrics()
+        if self.tabs.open and self.name_open != METRICS_NAME:
             self.panels[self.tabs.open].show(view)
 
-    def _fit_figures(self) -> None:
-        """Limit the height of the figures above a panel to whole parts, such as curves."""
+    def _fit_metrics(self) -> None:
+        """Limit the height of the metrics above a panel to whole parts, such as curves."""
         if self.size:
-            most = self.figures.rows_within(int(FIGURES_SHARE * self.size.height))
+            most = self.figures.rows_within(int(METRICS_SHARE * self.size.height))
             is_free = self.has_class("full") or self.has_class("one")
             self.figures.styles.max_height = None if is_free else most
 
     def on_resize(self) -> None:
-        self._fit_figures()
+        self._fit_metrics()
 
     def open(self, name: str, focus: bool = False) -> None:
-        """Open a panel; the figures are always open where there is room for both."""
-        self.tabs.shows_figures = name == FIGURES
-        self.set_class(name == FIGURES, FIGURES)
+        """Open a panel; the metrics are always open where there is room for both."""
+        self.tabs.shows_metrics = name == METRICS_NAME
+        self.set_class(name == METRICS_NAME, METRICS_NAME)
         if name in self.panels:
             self.query_one(ContentSwitcher).current = self.tabs.open = name
         self.tabs.set_content()
@@ -127,8 +127,10 @@ class PanelColumn(Container):
             self.panels.get(name, self.figures).focused_part.focus()
 
     def scroll_pages(self, pages: int) -> None:
-        """Scroll the open panel, whatever has the focus."""
+        """Scroll the open panel, or the metrics if all of it is seen, whatever has the focus."""
         part = self.panels.get(self.name_open, self.figures).focused_part
+        if not part.max_scroll_y and self.figures.display:
+            part = self.figures
         rows = part.lines_for_rows if isinstance(part, Rows) else part.size.height
         part.scroll_relative(y=pages * rows, animate=False, force=True)
 
@@ -221,8 +223,8 @@ class TabStrip(Rows):
         ]
         self._lines: list[list[Tab]] = []
         self.open = names[0] if names else ""
-        self.has_figures = False  # among the tabs
-        self.shows_figures = False  # then they are open
+        self.has_metrics = False  # among the tabs
+        self.shows_metrics = False  # then they are open
 
     def on_mount(self) -> None:
         self.set_content()
@@ -233,11 +235,11 @@ class TabStrip(Rows):
 
     @property
     def _tabs(self) -> list[Tab]:
-        return [FIGURES_TAB, *self._panels] if self.has_figures else self._panels
+        return [FIRST_TAB, *self._panels] if self.has_metrics else self._panels
 
     @property
     def _name_open(self) -> str:
-        return FIGURES if self.has_figures and self.shows_figures else self.open
+        return METRICS_NAME if self.has_metrics and self.shows_metrics else self.open
 
     def set_content(self) -> None:
         """Arrange the tabs, and mark the open one."""
@@ -298,5 +300,5 @@ class Tab(NamedTuple):
         return len(self.label) + bool(self.key) + len(self.key)
 
 
-FIGURES_KEY: Final = next(action.keys for action in VIEWER_ACTIONS if action.id == "panels")
-FIGURES_TAB: Final = Tab(FIGURES, FIGURES, key_text(FIGURES_KEY))
+FIRST_KEY: Final = next(action.keys for action in VIEWER_ACTIONS if action.id == "panels")
+FIRST_TAB: Final = Tab(METRICS_NAME, METRICS_NAME, key_text(FIRST_KEY))

@@ -34,7 +34,6 @@ EVENTS: Final = Panel(
     meaning="events: what happened",
     position=30,
     listed=40,
-    shown=True,
 )
 ROBOTS: Final = Panel(
     "robots",

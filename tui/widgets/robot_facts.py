@@ -46,6 +46,7 @@ from automaton.history.state_words import (
 from automaton.scenario.fleet import FleetType, TypeBattery
 from automaton.units import count, percent
 from automaton.vocabulary import CONDITION_WORDS, HEADING_WORDS, robot_word, with_cause
+from automaton.vocabulary import IN_WAIT_CYCLE as IN_WAIT_CYCLE
 from tui.playback.panel_view import View
 from tui.widgets.panel import (
     UNICODE_SIGNS,

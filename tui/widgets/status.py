@@ -44,7 +44,7 @@ from automaton.history.state_words import (
     words_of,
 )
 from automaton.units import Unit, number, percent
-from automaton.vocabulary import COLOUR_WORDS, DOWN, IN_WAIT_CYCLE, robot_word, with_cause
+from automaton.vocabulary import COLOUR_WORDS, IN_WAIT_CYCLE, IS_DOWN, robot_word, with_cause
 from tui.registration import layers
 from tui.render import drawn_robots as drawn
 from tui.render import styles
@@ -79,12 +79,14 @@ STATE_SIGNS: Final = {  # a shape that robots have in this state
 ALWAYS_SHOWN: Final = (looks.DRAW_LOADED, looks.DRAW_EMPTY, looks.DRAW_WAITING, looks.DRAW_IDLE)
 NAMED_STATES: Final = (  # states with words; the first of these for which there is room
     frozenset(STATE_SIGNS),
+    frozenset(STATE_SIGNS) - {looks.DRAW_LOADED, looks.DRAW_EMPTY},
     frozenset({looks.DRAW_WAITING, looks.DRAW_FAULT}),  # their sign is that of empty robots
     frozenset({looks.DRAW_WAITING}),
     frozenset[int](),
 )
 
-LASTING_KEYS: Final = (do("help"), do("quit"))  # never omitted; others are, the last first
+# These are never omitted; others are, the last first.
+LASTING_KEYS: Final = (do("panels"), do("help"), do("quit"))
 
 
 class Word(NamedTuple):
@@ -217,7 +219,7 @@ def _time(ticks: int, tick: Unit) -> list[Word]:
     """The time in the scenario's unit, unless that is a tick."""
     if tick.size == 1:
         return []
-    return [word(f"{number(tick.of(ticks))} {tick.plural}", styles.COLOUR_DIM, rank=6)]
+    return [word(f"{number(tick.of(ticks))} {tick.plural}", styles.COLOUR_DIM, rank=4)]
 
 
 def mode_word(
@@ -323,7 +325,7 @@ def _fault_words(scene: Scene) -> str:
     are_down = np.isin(scene.snapshot.robots.status, (STATUS_DEPLETED, STATUS_FAILED))
     if in_cycle.any() and are_down.any():
         return COLOUR_WORDS[looks.STATE_COLOURS[looks.DRAW_FAULT]]
-    return DOWN if are_down.any() else IN_WAIT_CYCLE
+    return IS_DOWN if are_down.any() else IN_WAIT_CYCLE
 
 
 def choice_words(robot: int, following: bool, layer: str, rank: int = 2) -> list[Word]:
@@ -385,10 +387,13 @@ class Notice(NamedTuple):
     robot: int | None = None  # or another robot selected
 
 
-def hint_words(signs: Sequence[tuple[tuple[tuple[int, ...], ...], str]]) -> list[Word]:
-    """A legend of the signs on the map, and where all commands are if there is room."""
-    hint = word("ctrl+p all commands", styles.COLOUR_DIM, "command_palette", 2 + len(signs))
-    return [hint, *legend_words(signs, 2)]
+def hint_words(
+    signs: Sequence[tuple[tuple[tuple[int, ...], ...], str]], name: str = ""
+) -> list[Word]:
+    """A legend of the signs on the map; if there is room, the scenario, and where all commands are."""
+    hint = word("ctrl+p all commands", styles.COLOUR_DIM, "command_palette", 3 + len(signs))
+    named = [word(name, styles.COLOUR_DIM, rank=2 + len(signs))] if name else []
+    return [hint, *named, *legend_words(signs, 2)]
 
 
 def legend_words(

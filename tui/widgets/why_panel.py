@@ -45,7 +45,7 @@ MAKING_WAY: Final = len(CAUSES)  # a kind of lost time without waiting
 UNDONE: Final = "{robot} moves to where later moves lead it back from, or turns in vain"
 LOST_KINDS: Final = (*CAUSES, Cause("making way", UNDONE, "", True))
 
-SELECT: Final = "p shows where the time of all robots went, a click on a robot, or ), that of one."
+SELECT: Final = "p shows where the time of all robots went; a click on a robot, or ), that of one."
 MAX_WAITING_LISTED: Final = 40  # listed robots to choose from
 NAME_WIDTH: Final = 19  # columns for the name of a cause
 PERCENT_WIDTH: Final = 6
@@ -64,8 +64,9 @@ class Why(TextPanel):
         found = explain(view.snapshot, view.floor_plan, view.robot)
         lines = [made for at in _told(len(found.chain)) for made in _step(view, found, at, width)]
         if found.cycle != NIL:
-            circle = linked(found.cycle_line, view.floor_plan, "fault")
-            lines += [(), *wrapped(circle, width, indent=2)]
+            circle = wrapped(linked(found.cycle_line, view.floor_plan, "fault"), width, indent=2)
+            # First what a member of the cycle has to know.
+            lines = [*lines, (), *circle] if found.cycle else [*circle, (), *lines]
         lines += [(), *self._lost(view, width)]
         others = np.delete(is_waiting(view.snapshot.robots.cause), view.robot).any()
         return [*lines, (), *longest_waits(view, width)] if others else lines

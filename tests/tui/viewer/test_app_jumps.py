@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import asyncio
+import re
 from collections.abc import Awaitable, Callable
 
 import pytest
-from panel_harness import text
+from panel_harness import said, text
 from viewer_harness import Watched, mini, screen_text, viewing
 
 from automaton.engine.state import NIL
@@ -93,7 +94,7 @@ def test_the_bottleneck_and_where_the_time_went_are_seen_at_once(
 
     async def tell(user: Watched) -> None:
         if size == NARROW:
-            assert "p Figures" in screen_text(user.app)
+            assert "p Metrics" in screen_text(user.app)
             await user.press("p")
         await user.at(tick)
         figures = user.display.column.figures
@@ -108,13 +109,13 @@ def test_the_bottleneck_and_where_the_time_went_are_seen_at_once(
     story(tell, size, live(resolve(name), None))
 
 
-def test_the_key_of_the_figures_opens_them_beside_the_map_then_alone() -> None:
+def test_the_key_of_the_metrics_opens_them_beside_the_map_then_alone() -> None:
     async def tell(user: Watched) -> None:
         column = user.display.column
         await user.press("w")
         assert column.name_open == "why" and not column.figures.is_on_screen
         await user.press("w", "p")
-        assert column.name_open == "figures" and column.figures.is_on_screen
+        assert column.name_open == "metrics" and column.figures.is_on_screen
         assert not covered(user)
         await user.press("p")
         await user.until(lambda: "no robot waits now" in text(column.panels["why"]))
@@ -206,3 +207,54 @@ def test_the_largest_jam_is_gone_to_and_n_goes_through_its_robots() -> None:
             assert choice.robot == 3 - first
 
     asyncio.run(told())
+
+
+def test_the_key_of_lost_time_goes_from_a_saturated_station_to_the_places_of_lost_time() -> None:
+    async def saturated(user: Watched) -> None:
+        await user.at(900)
+        await user.press("y")
+        camera = user.session.pictures.camera
+        station = user.session.choice.cell
+        assert user.session.opening.resolved[0].place_names[station] == "station 4"
+        row, column = camera.place_of(station)
+        assert screen_text(user.app).splitlines()[row + 1][column] == "1"  # below the title
+        told = f"1 station 4, {camera.floor_plan.xy(station)}, saturated: 100 % of the run"
+        await user.until(lambda: told == said(user.display.info)[0])
+
+    async def lost(user: Watched) -> None:
+        await user.at(634)
+        await user.press("y")
+        await user.until(
+            lambda: said(user.display.info)[0].startswith("1 crossing (5, 0): 57 % of ")
+        )
+        first = said(user.display.info)[0]
+        await user.press("y")
+        await user.until(lambda: said(user.display.info)[0].startswith("2 "))
+        second = said(user.display.info)[0]
+        shares = [re.findall(r"\d+(?= %)", words) for words in (first, second)]
+        assert len(shares[0]) == 3 and sorted(shares[0]) == sorted(shares[1])
+        assert "; 2: " in first and "; 1: 57 %, 3: " in second
+
+    story(saturated, MIDDLE, live(resolve("factory"), None))
+    story(lost, NARROW, live(resolve("tabletop-1"), None))
+
+
+def test_the_key_that_scrolls_reaches_the_metrics_where_all_of_the_open_panel_is_seen() -> None:
+    async def tell(user: Watched) -> None:
+        column = user.display.column
+        await user.until(lambda: "nothing is selected" in text(column.panels["inspector"]))
+        await user.press("pagedown")
+        await user.until(lambda: column.figures.scroll_offset.y > 0)
+        assert not column.panels["inspector"].scroll_offset.y
+
+    story(tell, MIDDLE)
+
+
+def test_the_name_of_the_scenario_is_among_the_hints_where_there_is_no_line_for_it() -> None:
+    async def tell(user: Watched) -> None:
+        title = "tabletop-mini"
+        assert title in said(user.display.info)[0]
+        await user.pilot.resize_terminal(*MIDDLE)
+        await user.until(lambda: title not in said(user.display.info)[0])
+
+    story(tell, (99, 24))

@@ -144,7 +144,7 @@ def test_a_branch_of_a_recording_is_live_and_recorded_beside_it(folder: Path) ->
         await user.until(lambda: "recording" in said(user.display.status))
         assert user.session.recordings == [folder / "one-branch.rec"]
 
-    story(tell, recorded(record(folder / "one.rec", until=300)))
+    story(tell, recorded(record(folder / "one.rec", until=300)), (120, 36))
     assert "durations.pick=30" in recorded(folder / "one-branch.rec").titles[0]
 
 

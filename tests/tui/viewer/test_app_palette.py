@@ -41,7 +41,7 @@ def test_the_palette_carries_out_every_action_of_the_table(
 
 def test_a_click_leads_to_the_palette_and_there_a_name_to_its_action() -> None:
     async def story() -> None:
-        async with viewing(size=(80, 24)) as user:
+        async with viewing(size=(160, 30)) as user:
             await user.at(20)
             await click(user, "ctrl+p all commands")
             await user.until(lambda: "play or pause" in screen_text(user.app))

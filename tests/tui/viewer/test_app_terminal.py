@@ -286,7 +286,7 @@ def test_the_screen_shows_the_intended_map_whatever_lay_over_it_and_is_given_bac
         session.host.resize(30, 90)
         session.wait_for_text("tick 125")
         check(26, 90, tick=125)
-        for text in ("nothing is selected", "throughput"):  # beside the map, then in its place
+        for text in ("throughput", "nothing is selected"):  # beside the map, then in its place
             session.press("p")
             session.wait_for_text(text)
         session.press("p")

@@ -121,7 +121,7 @@ def test_the_states_in_the_status_line_add_up_to_the_fleet() -> None:
         for room in (57, 56, 38)
     )
     assert long == "▸1 loaded ▹1 empty ▹0 waiting ⊚1 idle 7/460 delivered"
-    assert short == "▸1 ▹1 ▹0 waiting ⊚1 7/460 delivered"
+    assert short == "▸1 ▹1 ▹0 waiting ⊚1 idle 7/460 delivered"
     assert least == "▸1 ▹1 ▹0 ⊚1 7/460 delivered"
     paused = fleet_words(scene_in(view), view.playback.figures[0], ASCII, 45, True)
     assert " ".join(one.text for one in paused) == "▸1 loaded ▹1 empty ⊚1 idle 7/460 delivered"
@@ -157,6 +157,24 @@ def test_the_panel_says_where_the_time_went_as_the_report_does() -> None:
     assert f"where the time went {percent(lost / sum(view.measured.uses.values()))} lost" in told
     for name, share, _ in shares:
         assert re.search(rf"{name} +\S* *{percent(share)}", told), name
+
+
+def test_where_the_time_went_stands_beside_the_figures_where_there_is_room() -> None:
+    lines: list[str] = []
+
+    async def story(stage: PanelHarness, pilot: Pilot[None]) -> None:
+        figures = stage.widget
+        assert isinstance(figures, Figures)
+        figures.show(busy())
+        await pilot.pause()
+        lines.extend(said(figures))
+
+    for width in (70, 74):
+        run_in_harness(Figures(), story, width, 20)
+    tall, wide = lines[:20], lines[20:]
+    assert tall[0].startswith("delivered") and "where the time went" not in tall[0]
+    assert re.match(r"delivered +19 of 50 \S* +where the time went 12.6 % lost", wide[0])
+    assert re.match(r"utilization +\S+ % +turning ", wide[3])
 
 
 def test_every_cause_of_lost_time_stands_apart_from_its_bar() -> None:

@@ -300,7 +300,7 @@ def test_the_tabs_leave_a_column_free_at_the_edge(width: int) -> None:
     run_in_harness(PanelColumn(UNICODE, panel_widgets()), story, width, 24)
 
 
-def test_where_there_is_no_room_for_both_the_figures_are_one_of_the_panels() -> None:
+def test_where_there_is_no_room_for_both_the_metrics_are_one_of_the_panels() -> None:
     column = PanelColumn(UNICODE, panel_widgets())
 
     async def story(stage: PanelHarness, pilot: Pilot[None]) -> None:
@@ -309,10 +309,10 @@ def test_where_there_is_no_room_for_both_the_figures_are_one_of_the_panels() -> 
         column.show(of_robot(deadlocked(), 1))
         await pilot.pause()
         assert not column.figures.display and column.figures.view is None
-        assert said(column.tabs) == ["figures p   info i   why w", "events e   robots t   legend K"]
+        assert said(column.tabs) == ["metrics p   info i   why w", "events e   robots t   legend K"]
         assert "robot 1 has been waiting" in text(column.panels["why"])
-        await click(pilot, column.tabs, "figures")
-        assert column.name_open == "figures" and not column.panels["why"].is_on_screen
+        await click(pilot, column.tabs, "metrics")
+        assert column.name_open == "metrics" and not column.panels["why"].is_on_screen
         assert column.figures.region.y == 2 and column.figures.size.height == 18
         assert "where the time went" in text(column.figures)
         column.tabs.focus()

@@ -54,6 +54,7 @@ MIN_ATTACHED_LEVEL: Final = 3  # headings from this level on have no blank line 
 MIN_CELL_WIDTH: Final = 12  # least columns of a cell that wraps
 GAPS: Final = (2, 1)  # blanks between columns: normal, and if space is short
 ABSENT: Final = ("", "-")  # empty cells
+NO_BREAK: Final = "\xa0"  # replaces blanks at which text does not wrap
 HELD_SIGN: Final = "\0%"  # replaces " %" while text wraps, to keep it with its number
 HEAD_STYLE: Final = "bold underline"
 SGR: Final = {"bold": "1", "underline": "4", "reverse": "7"}  # terminal codes
@@ -531,9 +532,11 @@ def shaded(heat: HeatMap, width: int) -> Iterator[str]:
         yield f"{label:>{margin - 1}} {''.join(shade(value, most) for value in row)}".rstrip()
     steps = most / len(SHADES)
     scale_text = ", ".join(
-        f"{sign} up to {number((index + 1) * steps)}" for index, sign in enumerate(SHADES)
+        f"{sign}{NO_BREAK}up{NO_BREAK}to{NO_BREAK}{number((index + 1) * steps)}"
+        for index, sign in enumerate(SHADES)
     )
-    yield from wrapped(f"{EMPTY_MARK} none, {scale_text}" if most else "all values are 0", width)
+    scale_text = f"{EMPTY_MARK}{NO_BREAK}none, {scale_text}" if most else "all values are 0"
+    yield from (line.replace(NO_BREAK, " ") for line in wrapped(scale_text, width))
     if heat.note:
         yield from wrapped(heat.note, width)
 

@@ -267,7 +267,7 @@ class SlowPlace(NamedTuple):
 
     @property
     def words(self) -> str:
-        """The place and its share: "crossing (5, 0): 57 % of lost time"."""
+        """The place and its share: "around (5, 0): 57 % of lost time"."""
         return f"{self.place}: {100 * self.share:.0f} % {self.of_total}"
 
 
@@ -297,7 +297,7 @@ def bottlenecks(
 
 
 def place_words(cell: int, floor_plan: FloorPlan, names: tuple[tuple[int, str], ...]) -> str:
-    """A place in words: a named place near it, else its aisle or a mouth of it, else a crossing.
+    """A place in words: a named place near it, else its aisle or a mouth of it.
 
     names: cells with their names.
     """
@@ -314,7 +314,7 @@ def place_words(cell: int, floor_plan: FloorPlan, names: tuple[tuple[int, str], 
     if inside and (beside == inside).sum() == 2:
         return f"aisle {inside}, {at}"
     number = inside or int(beside.max())
-    return f"mouth of aisle {number}, {at}" if number else f"crossing {at}"
+    return f"mouth of aisle {number}, {at}" if number else f"around {at}"
 
 
 @lru_cache(maxsize=4)

@@ -365,8 +365,12 @@ async def scroll_down(user: Watched) -> None:
 @check
 async def scroll_up(user: Watched) -> None:
     legend = await open_legend(user)
-    legend.scroll_end(animate=False)
-    await user.until(lambda: legend.scroll_offset.y == legend.max_scroll_y)
+
+    def at_end() -> bool:
+        legend.scroll_end(animate=False)  # again when its height has changed
+        return legend.scroll_offset.y == legend.max_scroll_y
+
+    await user.until(at_end)
     await press(user, "scroll_up")
     await user.until(lambda: legend.scroll_offset.y < legend.max_scroll_y)
 

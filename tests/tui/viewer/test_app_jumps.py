@@ -224,9 +224,7 @@ def test_the_key_of_lost_time_goes_from_a_saturated_station_to_the_places_of_los
     async def lost(user: Watched) -> None:
         await user.at(634)
         await user.press("y")
-        await user.until(
-            lambda: said(user.display.info)[0].startswith("1 crossing (5, 0): 57 % of ")
-        )
+        await user.until(lambda: said(user.display.info)[0].startswith("1 around (5, 0): 57 % of "))
         first = said(user.display.info)[0]
         await user.press("y")
         await user.until(lambda: said(user.display.info)[0].startswith("2 "))

@@ -162,11 +162,8 @@ class WatchedRun:
         return metrics_of(self.shown)
 
     def periods(self) -> list[Period]:
-        """The periods that have ended by the shown tick; at the front, the last one may be shorter."""
-        front = self.leading_simulation
-        if 0 < self._at == front.tick:
-            return self.marks.periods(front)
-        return [one for one in self.marks.ended(front) if one.end <= self._at]
+        """The periods up to the shown tick; the last one may be shorter."""
+        return self.marks.periods(self.shown) if self._at else []
 
     def resolved_at(self, tick: int) -> Resolved:
         """The scenario with its strategies that applies in the tick after `tick`."""

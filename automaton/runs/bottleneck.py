@@ -127,19 +127,27 @@ def bottleneck_in_short(resolved: Resolved, periods: Sequence[Period]) -> str:
     if not periods:
         return ""
     resource, share = longest_saturated(resolved, periods)
-    return f"{resource}, saturated {percent(share, 0)} of the run" if share else "nothing saturated"
+    if not share:
+        return f"nothing saturated{' for long' if resource else ''}"
+    return f"{resource}, saturated {percent(share, 0)} of the run"
 
 
 def longest_saturated(resolved: Resolved, periods: Sequence[Period]) -> tuple[str, float]:
-    """The resource that was saturated for longest, and its share of the run; ("", 0) if none was."""
+    """The resource that was saturated for longest, and its share of the run.
+
+    ("", 0) if none was, and a share of 0 if it was not for long.
+    """
     names, robots = _stations(resolved, periods), resolved.scenario.fleet.robots
     first = next(iter(bottlenecks_of(periods, robots, names)), None)
-    return (first.resource, first.share) if first and first.share >= MENTIONED else ("", 0.0)
+    if first is None:
+        return "", 0.0
+    return first.resource, first.share if first.share >= MENTIONED else 0.0
 
 
 def _stations(resolved: Resolved, periods: Sequence[Period]) -> Sequence[str]:
     """The names of stations, or their numbers."""
-    known, number_of = resolved.station_names, len(periods[0].stations)
+    places, number_of = resolved.place_names.values(), len(periods[0].stations)
+    known = [name.partition(" ")[2] for name in places if name.startswith("station ")]
     return known if len(known) == number_of else [str(k + 1) for k in range(number_of)]
 
 

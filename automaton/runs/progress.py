@@ -297,7 +297,7 @@ def bottlenecks(
 
 
 def place_words(cell: int, floor_plan: FloorPlan, names: tuple[tuple[int, str], ...]) -> str:
-    """A place in words: a named place near it, else its aisle or a mouth of it.
+    """A place in words: a named place near it, else its aisle, a mouth of it, or the cell.
 
     names: cells with their names.
     """

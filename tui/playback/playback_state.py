@@ -101,7 +101,8 @@ def figures_of(run: WatchedRun) -> RunFigures:
     lost = shown.observation.lost_ticks_by_cell[:, LOST_EVER]
     periods = tuple(run.periods())
     worst = bottlenecks(lost, run.floor_plan, run.resolved.place_names)
-    worst = (*saturated_station(run, shown.tick, periods), *worst)
+    station = saturated_station(run, shown.tick, periods)
+    worst = (*station, *(one for one in worst if one.cell not in [at.cell for at in station]))
     figures = shown.tick, metrics_of(shown), operations, active
     uses, undone = uses_of_run(shown), uses_of_time(world).making_way[by_identity]
     return RunFigures(*figures, starved, jam, worst, periods, uses, undone)
@@ -114,7 +115,8 @@ def saturated_station(
     if tick < LEAST_TICKS or not periods:
         return ()
     resource, share = longest_saturated(run.resolved, periods)
-    cells = [cell for cell, name in run.resolved.place_names.items() if name == resource]
+    places = run.resolved.place_names.items() if share else ()
+    cells = [cell for cell, name in places if name == resource]
     place = f"{resource}, {run.floor_plan.xy(cells[0])}, saturated" if cells else ""
     return (SlowPlace(cells[0], 0, share, place, "of the run"),) if cells else ()
 

@@ -179,7 +179,7 @@ class FramePacer:
         if now - self._judged < LINK_WINDOW_S:
             return
         due, slower = self._sent + self._held, self._rung + 1
-        if self._passed and self.has_images:  # else a frame is still in flight
+        if self._passed and self.has_images:  # else a frame is still in flight, or all is text
             mean = sum(size for size, _ in self._passed) / len(self._passed)
             fastest = min(seconds for size, seconds in self._passed if size >= mean)
             is_late = fastest > KEEPING_UP_S and self._flying > LATE_SHARE * LINK_WINDOW_S

@@ -528,10 +528,10 @@ class PixelScreen:
     def leave(self, pace: Any) -> str:
         """Show text from now on if images are impossible, or the terminal does not keep up with them.
 
-        `pace`: the tui.terminal.frame_pacing.FramePacer of the terminal. Returns why, "" if all is as
-        before.
+        `pace`: the tui.terminal.frame_pacing.FramePacer of the terminal, which learns whether there are
+        images. Returns why, "" if all is as before.
         """
-        pace.has_images = self.protocol != "off"
+        pace.has_images = any(one.region is not None for one in self._maps.values())
         if self.protocol == "off":
             return ""
         unknown = self._answered and not all(self._character())

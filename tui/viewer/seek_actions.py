@@ -320,7 +320,8 @@ class FindActions:
             for number, one in enumerate(worst, 1)
             if number != at + 1 and one.ticks
         ]
-        session.notify("; ".join([f"{at + 1} {worst[at].words}", ", ".join(others)]).rstrip("; "))
+        rest = ", ".join(others) + " of lost time" * bool(others and not worst[at].ticks)
+        session.notify("; ".join(filter(None, (f"{at + 1} {worst[at].words}", rest))))
 
     def _clear(self) -> None:
         if self._session.goal is not None and self._session.player is not None:

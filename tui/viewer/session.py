@@ -534,8 +534,7 @@ class Display:
 
     def _message(self) -> list[Word]:
         """The most important message now."""
-        session = self._session
-        playback, choice = session.playback, session.choice
+        session, playback, choice = self._session, self._session.playback, self._session.choice
         if (notice := self.notices.current()) is not None:
             return [notice]
         error = session.error or session.broken or (playback.error if playback is not None else "")
@@ -561,7 +560,8 @@ class Display:
         if session.divergence is not None:
             return [word(session.divergence.text, styles.COLOUR_TEXT, "next_difference")]
         shown = session.pictures.camera.zoom, session.glyphs, session.pictures.in_pixels
-        name = "" if self.title_line.is_on_screen else session.titles[0].partition(",")[0]
+        is_told = self.title_line.is_on_screen or session.opening.comparing
+        name = "" if is_told else session.titles[0].partition(",")[0]
         return hint_words(floor_legend(session.scene().floor, *shown), name)
 
     def _update_panels(self, now: float) -> None:

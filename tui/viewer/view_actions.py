@@ -298,8 +298,9 @@ class PanelActions:
             room.height, room.width, rows, BESIDE_COLUMNS
         )
         screen.set_class(opened, "-panels-open")
-        if self._display.column is not None:
-            self._display.column.show_one(opened)
+        if (column := self._display.column) is not None and column.has_class("one") != opened:
+            column.show_one(opened)
+            self._display.refresh_panels()  # what was hidden is not up to date
         screen.set_class(opened and not beside, "-panels-below")
         side.styles.height = rows if opened and not beside else None
 
@@ -411,10 +412,10 @@ class PanelActions:
         camera = self._session.pictures.camera
         middle = camera.cell_at(camera.rows // 2, camera.columns // 2)
         cell = middle if self._session.hovered == NIL else self._session.hovered
-        if self._session.hovered == NIL:
-            self._display.notices.say(MIDDLE_CELL)
         if cell is not None:
             self._session.choose_at(cell)
+            if self._session.hovered == NIL:
+                self._display.notices.say(MIDDLE_CELL)
 
 
 class CaptureActions:

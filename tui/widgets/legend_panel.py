@@ -417,7 +417,7 @@ def _overlays(
     if scene.bottlenecks:
         mark = style(styles.COLOUR_FLOOR, styles.COLOUR_MARKED)
         signs = tuple(int(code(mark, glyphs.digits[n + 1])) for n in range(len(scene.bottlenecks)))
-        entries.append(signed(signs, "where most time was lost"))
+        entries.append(signed(signs, "saturated, or where most time was lost"))
     if scene.zone >= 0:
         marked = int(code(style(styles.COLOUR_FLOOR, styles.COLOUR_MARKED), glyphs.blank))
         codes = (marked,) if near else sign(styles.COLOUR_MARKED, 0)

@@ -410,7 +410,7 @@ def _short(value: float) -> str:
 
 
 def _robots(view: View, width: int) -> list[Line]:
-    """Numbers of working, waiting, parked and idle robots, wrapped to the width."""
+    """Numbers of robots at work, waiting, in wait cycles, parked and idle, wrapped to the width."""
     fleet = view.snapshot.robots
     in_cycle = fleet.wait_cycle_ticks > 0
     stuck = int(np.count_nonzero(in_cycle))

@@ -279,6 +279,9 @@ class TabStrip(Rows):
     def follow(self, link: Link, column: int = 0) -> None:
         self.post_message(self.Opened(self._tabs[link[1]].name))
 
+    def action_move(self, step: int) -> None:
+        """Leave the cursor in the line of the open tab."""
+
     def action_neighbour(self, step: int) -> None:
         """Open the next panel."""
         names = [tab.name for tab in self._tabs]

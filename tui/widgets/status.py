@@ -297,15 +297,17 @@ def state_words(
     """The number of robots in each drawn state, with its sign and colour; they add up to the fleet.
 
     Of states that are not `named`, the sign alone is shown. `with_zeros`: states without robots are
-    shown if any robot of this floor can often be in them, so that the line does not jump.
+    shown if any robot of this floor can often be in them, so that the line seldom jumps.
     """
     robots = drawn.robots_of(scene)
     count = np.bincount(robots.state, minlength=len(looks.STATE_COLOURS))
     signs = drawn.shape_glyphs(glyphs)
+    assert scene.snapshot is not None
+    stuck = (scene.snapshot.robots.wait_cycle_ticks > 0).any()  # these wait, too
     said = []
     for state, shape in STATE_SIGNS.items():
         common = state in ALWAYS_SHOWN or (state == looks.DRAW_CHARGING and scene.floor.battery)
-        common &= state != looks.DRAW_WAITING or not count[looks.DRAW_FAULT]  # who waits, too
+        common &= state != looks.DRAW_WAITING or not stuck
         if count[state] or (common and with_zeros):
             name = looks.STATE_COLOURS[state]
             name = _fault_words(scene) if state == looks.DRAW_FAULT else name

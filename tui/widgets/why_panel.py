@@ -45,7 +45,7 @@ MAKING_WAY: Final = len(CAUSES)  # a kind of lost time without waiting
 UNDONE: Final = "{robot} moves to where later moves lead it back from, or turns in vain"
 LOST_KINDS: Final = (*CAUSES, Cause("making way", UNDONE, "", True))
 
-SELECT: Final = "p shows where the time of all robots went; a click on a robot, or ), that of one."
+SELECT: Final = "A click on a robot, or ), shows where its time went"
 MAX_WAITING_LISTED: Final = 40  # listed robots to choose from
 NAME_WIDTH: Final = 19  # columns for the name of a cause
 PERCENT_WIDTH: Final = 6
@@ -143,7 +143,9 @@ def longest_waits(view: View, width: int) -> list[Line]:
     if not len(waiting):
         return [
             line(title("no robot waits now")),
-            *wrapped(line(dim(SELECT)), width),
+            *wrapped(
+                line(dim(SELECT + ("; p, that of all." if len(view.runs) == 1 else "."))), width
+            ),
         ]
     ordered = waiting[np.argsort(fleet.since[waiting], kind="stable")].tolist()
     head = "wait, longest first" if len(ordered) > 1 else "waits"

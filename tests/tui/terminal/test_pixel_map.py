@@ -257,7 +257,10 @@ def test_why_maps_are_text_is_said_once(monkeypatch: pytest.MonkeyPatch) -> None
     monkeypatch.setattr("tui.terminal.pixel_map.character_size", lambda: (0, 0))
     quick, late = (SimpleNamespace(is_late=late, has_images=False) for late in (False, True))
     screen = PixelScreen(NoTerminal(), "sixel")
-    assert screen.leave(quick) == "" and quick.has_images  # not answered yet
+    assert screen.leave(quick) == "" and not quick.has_images  # not answered yet
+    screen._maps = {0: SimpleNamespace(region=None), 1: SimpleNamespace(region=(0, 0, 9, 9))}
+    assert screen.leave(quick) == "" and quick.has_images
+    screen._maps = {}
     screen.answered("\x1b[?62;4c")
     assert screen.leave(quick) == NO_SIZE and screen.leave(quick) == "" and not quick.has_images
     screen = PixelScreen(NoTerminal(), "kitty")

@@ -256,3 +256,28 @@ def test_the_name_of_the_scenario_is_among_the_hints_where_there_is_no_line_for_
         await user.until(lambda: title not in said(user.display.info)[0])
 
     story(tell, (99, 24))
+
+
+def test_one_tick_before_the_last_known_one_the_bottleneck_is_the_same() -> None:
+    async def tell(user: Watched) -> None:
+        await user.at(900)
+        await user.press("comma", "y")
+        await user.until(lambda: user.tick == 899)
+        await user.until(lambda: "1 station 4, " in said(user.display.info)[0])
+        assert "bottleneck station 4, saturated 100 % of the run" in text(
+            user.display.column.figures
+        )
+
+    story(tell, MIDDLE, live(resolve("factory"), None))
+
+
+@pytest.mark.parametrize("keys", [("z", "w"), ("z", "p")])
+def test_panels_that_a_wider_terminal_has_room_for_are_up_to_date(keys: tuple[str, ...]) -> None:
+    async def tell(user: Watched) -> None:
+        column = user.display.column
+        await user.press(*keys)
+        await user.pilot.resize_terminal(120, 36)
+        await user.until(lambda: "delivered" in text(column.figures))
+        await user.until(lambda: text(column.panels[column.name_open]))
+
+    story(tell, (98, 28))

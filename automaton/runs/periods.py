@@ -114,10 +114,6 @@ class PeriodMarks:
             self.ticks *= 2
             self._marks = [one for one in self._marks if one.tick % self.ticks == 0]
 
-    def ended(self, run: Measured) -> list[Period]:
-        """The periods of a run that have ended."""
-        return periods_of(run, self._marks) if self._marks else []
-
     def periods(self, run: Measured) -> list[Period]:
         """The periods of a run up to now; the last one may be shorter."""
         now = counted(run)

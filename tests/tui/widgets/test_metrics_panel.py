@@ -159,7 +159,7 @@ def test_the_panel_says_where_the_time_went_as_the_report_does() -> None:
         assert re.search(rf"{name} +\S* *{percent(share)}", told), name
 
 
-def test_where_the_time_went_stands_beside_the_figures_where_there_is_room() -> None:
+def lines_of_a_busy_run(width: int, height: int) -> list[str]:
     lines: list[str] = []
 
     async def story(stage: PanelHarness, pilot: Pilot[None]) -> None:
@@ -169,9 +169,12 @@ def test_where_the_time_went_stands_beside_the_figures_where_there_is_room() -> 
         await pilot.pause()
         lines.extend(said(figures))
 
-    for width in (70, 74):
-        run_in_harness(Figures(), story, width, 20)
-    tall, wide = lines[:20], lines[20:]
+    run_in_harness(Figures(), story, width, height)
+    return lines
+
+
+def test_where_the_time_went_stands_beside_the_figures_where_there_is_room() -> None:
+    tall, wide = (lines_of_a_busy_run(width, 20) for width in (70, 74))
     assert tall[0].startswith("delivered") and "where the time went" not in tall[0]
     assert re.match(r"delivered +19 of 50 \S* +where the time went 12.6 % lost", wide[0])
     assert re.match(r"utilization +\S+ % +turning ", wide[3])
@@ -301,19 +304,9 @@ def test_of_a_thinned_curve_the_rates_stay_right(every: int) -> None:
 
 
 def test_no_unit_is_cut_where_there_is_little_room() -> None:
-    lines: list[str] = []
-
-    async def story(stage: PanelHarness, pilot: Pilot[None]) -> None:
-        figures = stage.widget
-        assert isinstance(figures, Figures)
-        figures.show(busy())
-        await pilot.pause()
-        lines.extend(said(figures))
-
-    run_in_harness(Figures(), story, 24, 80)
+    lines = lines_of_a_busy_run(24, 80)
     assert "last 500    34.0 /kt" in lines and "orders/1000 ticks" in lines
-    lines.clear()
-    run_in_harness(Figures(), story, 32, 80)
+    lines = lines_of_a_busy_run(32, 80)
     at = lines.index("robots       5 working")
     assert lines[at - 2 : at] == ["bottleneck   robots, saturated", "100 % of the run"]
 

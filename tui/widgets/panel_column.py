@@ -21,6 +21,7 @@ from textual.app import ComposeResult
 from textual.binding import Binding, BindingType
 from textual.containers import Container, Vertical
 from textual.message import Message
+from textual.strip import Strip
 from textual.widgets import ContentSwitcher
 
 from automaton.engine.state import NIL, Array
@@ -221,7 +222,6 @@ class TabStrip(Rows):
         self._panels = [
             Tab(one.name, one.tab, key_text(one.key.partition(",")[0])) for one in kinds
         ]
-        self._lines: list[list[Tab]] = []
         self.open = names[0] if names else ""
         self.has_metrics = False  # among the tabs
         self.shows_metrics = False  # then they are open
@@ -243,25 +243,38 @@ class TabStrip(Rows):
 
     def set_content(self) -> None:
         """Arrange the tabs, and mark the open one."""
+        lines = self._arranged()
+        opened = [self._name_open in [tab.name for tab in part] for part in lines]
+        self.cursor = opened.index(True) if True in opened else 0
+        self.styles.height = len(lines)
+        self.update_rows(len(lines))
+
+    def _arranged(self) -> list[list[Tab]]:
+        """The tabs of each line at the present width, which may change without an event."""
         tabs = self._tabs
         half = (len(tabs) + 1) // 2
-        self._lines = [tabs] if self._fit(tabs) else [tabs[:half], tabs[half:]]
-        if not all(self._fit(part) for part in self._lines):  # without keys, they need one line
-            self._lines = [[tab._replace(key="") for tab in tabs]]
-        opened = [self._name_open in [tab.name for tab in part] for part in self._lines]
-        self.cursor = opened.index(True) if True in opened else 0
-        self.styles.height = len(self._lines)
-        self.update_rows(len(self._lines))
+        lines = [tabs] if self._fit(tabs) else [tabs[:half], tabs[half:]]
+        if all(self._fit(part) for part in lines):
+            return lines
+        return [[tab._replace(key="") for tab in tabs]]  # without keys, they need one line
+
+    def render_line(self, y: int) -> Strip:
+        if len(self._arranged()) != self.size.height:
+            self.call_after_refresh(self.set_content)
+        return super().render_line(y)
 
     def _fit(self, tabs: Sequence[Tab]) -> bool:
         return sum(tab.columns for tab in tabs) + len(tabs) - 1 < self.width
 
     def row(self, index: int) -> Line:
-        tabs = self._lines[index]
+        lines = self._arranged()
+        if index >= len(lines):  # until the height follows
+            return ()
+        tabs = lines[index]
         free = self.width - 1 - sum(tab.columns for tab in tabs)  # a column stays free at the edge
         gap = max(1, min(MAX_TAB_GAP, free // max(1, len(tabs) - 1)))
         spans: list[Span] = []
-        before = sum(map(len, self._lines[:index]))
+        before = sum(map(len, lines[:index]))
         for at, tab in enumerate(tabs, before):
             look, link = "cursor" if tab.name == self._name_open else "plain", ("tab", at)
             spans += [Span(" " * gap, "dim")] if spans else []

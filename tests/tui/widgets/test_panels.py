@@ -300,6 +300,20 @@ def test_the_tabs_leave_a_column_free_at_the_edge(width: int) -> None:
     run_in_harness(PanelColumn(UNICODE, panel_widgets()), story, width, 24)
 
 
+def test_the_tabs_follow_a_width_that_came_without_an_event() -> None:
+    async def story(stage: PanelHarness, pilot: Pilot[None]) -> None:
+        column = stage.widget
+        assert isinstance(column, PanelColumn)
+        column.styles.width = 48
+        await pilot.pause()
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(type(column.tabs), "width", 20)
+            column.tabs.set_content()
+        assert said(column.tabs)[0].endswith("legend K")
+
+    run_in_harness(PanelColumn(UNICODE, panel_widgets()), story, 48, 24)
+
+
 def test_where_there_is_no_room_for_both_the_metrics_are_one_of_the_panels() -> None:
     column = PanelColumn(UNICODE, panel_widgets())
 

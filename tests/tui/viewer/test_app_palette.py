@@ -54,6 +54,8 @@ def test_a_click_leads_to_the_palette_and_there_a_name_to_its_action() -> None:
 
 
 async def click(user: Watched, words: str) -> None:
+    """Click on what stands there once; it may be about to be drawn."""
+    await user.until(lambda: screen_text(user.app).count(words) == 1, f"{words!r} on the screen")
     rows = screen_text(user.app).splitlines()
     (row,) = (at for at, text in enumerate(rows) if words in text)
     await user.pilot.click(offset=(rows[row].index(words) + 1, row))

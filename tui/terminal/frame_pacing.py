@@ -35,6 +35,7 @@ LARGE_FRAME_BYTES = 8192
 KEEPING_UP_S = 0.1
 LATE_SHARE = 0.8
 MAX_LATE_WINDOWS = 3
+FEW_HELD = 0.1  # share of the frames that are due
 BARE_FRAME_BYTES = 512  # up to which the time to the answer is that of the way alone
 QUEUED = 2  # writes that may wait in Textual's writer thread: its queue blocks the program at 30
 LINK_WINDOW_S = 2.0  # seconds over which the link is measured
@@ -175,7 +176,10 @@ class FramePacer:
             self._answers = self._ever_heard
 
     def _judge(self, now: float) -> None:
-        """Go a step slower if too many frames were held back, a step faster if none was."""
+        """Go a step slower if too many frames were held back, a step faster if hardly any was.
+
+        From the slowest step, at which panels are seldom updated, only if none was.
+        """
         if now - self._judged < LINK_WINDOW_S:
             return
         due, slower = self._sent + self._held, self._rung + 1
@@ -186,7 +190,8 @@ class FramePacer:
             # After a timeout, answers to earlier frames come as if they were quick.
             self._late = self._late + 1 if is_late else max(0, self._late - 1)
         self._passed, self._flying, self._way = [], 0.0, None
-        if not self._held:
+        few = 0.0 if self.strained else FEW_HELD
+        if self._held <= few * due:
             self._rung = max(0, self._rung - 1)
         elif due >= 10 and slower < len(self._rungs):
             delivered = self._sent / due * self._rungs[self._rung]
@@ -210,7 +215,7 @@ class FrameClock:
         self._alarm = asyncio.Event()
         self._task: asyncio.Task[None] | None = None
         self._loop: asyncio.AbstractEventLoop | None = None
-        self._last = -math.inf
+        self._woken = -math.inf  # when the last frame was sent that was requested
         self._waits = False
         self._idle = False  # the last call of `draw` had nothing to draw
         self._expecting = -math.inf  # until this time news is shown at once
@@ -259,8 +264,8 @@ class FrameClock:
             now = time()
             self.pace.obstructed = self._presenter.obstructed
             self._waits = not self.pace.ready(now, self._presenter.queued())
-            if not self._waits:
-                self._frame(now)
+            if not self._waits and self._frame(now) and woken:
+                self._woken = now
             interval = self.pace.interval()
             deadline = (now if woken else deadline) + interval
             late = time() - deadline
@@ -274,20 +279,20 @@ class FrameClock:
         await self._alarm.wait()
         timer.cancel()
         woken = loop.time() < deadline
-        pause = self._last + min(WOKEN, WAKE_INTERVAL_SHARE * self.pace.interval()) - loop.time()
+        pause = self._woken + min(WOKEN, WAKE_INTERVAL_SHARE * self.pace.interval()) - loop.time()
         if woken and pause > 0:
             await asyncio.sleep(min(pause, deadline - loop.time()))
         self._alarm.clear()
         return woken
 
-    def _frame(self, now: float) -> None:
+    def _frame(self, now: float) -> bool:
         with self._presenter.frame() as frame:
             if self.pace.needs_bare_question or self._draw():
                 frame.acknowledged = True
         self._idle = not frame.acknowledged
         if frame.acknowledged:
-            self._last = now
             self.pace.sent(now, frame.size, frame.asked)
+        return frame.acknowledged
 
     def _ended(self, task: asyncio.Task[None]) -> None:
         if not task.cancelled() and (error := task.exception()) is not None:

@@ -7,7 +7,7 @@ import math
 import selectors
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from itertools import pairwise
+from itertools import count, pairwise
 from typing import Any
 
 import pytest
@@ -82,6 +82,25 @@ def test_a_slow_link_is_asked_for_less_and_for_more_when_it_recovers() -> None:
         now += 1 / 30
     assert pace.figures(now).allowed == 30
     assert not pace.strained
+
+
+@pytest.mark.parametrize("slow, fallen, recovered", [(2.0, 15, 30), (6.0, 10, 10)])
+def test_a_frame_held_back_now_and_then_keeps_only_the_slowest_step(
+    slow: float, fallen: int, recovered: int
+) -> None:
+    pace, now = FramePacer(30), 0.0
+    for end, queued in (
+        (slow + 0.01, lambda k: 3 * (k % 9 > 0)),
+        (30.0, lambda k: 3 * (k % 20 == 0)),
+    ):
+        for frame in count():
+            pace.answered(now)
+            if pace.ready(now, queued(frame)):
+                pace.sent(now, 100)
+            if now >= end:
+                break
+            now += pace.interval()
+        assert pace.figures(now).allowed == (fallen if end < 30 else recovered)
 
 
 def test_a_terminal_that_never_answers_is_served_by_time() -> None:
@@ -228,6 +247,10 @@ def test_frames_that_are_missed_are_not_made_up_for() -> None:
 
 def test_a_key_has_its_frame_at_once_and_the_next_one_comes_an_interval_later() -> None:
     assert run_clock(0.35, wakes=(0.12,)) == pytest.approx([0.0, 0.1, 0.12, 0.22, 0.32], abs=0.005)
+
+
+def test_a_key_just_after_a_frame_has_its_own_at_once() -> None:
+    assert run_clock(0.35, wakes=(0.102,)) == pytest.approx([0.0, 0.1, 0.102, 0.202, 0.302])
 
 
 def test_many_keys_share_a_frame() -> None:

@@ -259,7 +259,8 @@ class TabStrip(Rows):
         return [[tab._replace(key="") for tab in tabs]]  # without keys, they need one line
 
     def render_line(self, y: int) -> Strip:
-        if len(self._arranged()) != self.size.height:
+        height = self.styles.height
+        if height is None or len(self._arranged()) != height.value:
             self.call_after_refresh(self.set_content)
         return super().render_line(y)
 

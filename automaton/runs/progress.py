@@ -271,7 +271,7 @@ class SlowPlace(NamedTuple):
         return f"{self.place}: {100 * self.share:.0f} % {self.of_total}"
 
 
-def bottlenecks(
+def slow_places(
     lost: Array, floor_plan: FloorPlan, place_names: dict[int, str]
 ) -> tuple[SlowPlace, ...]:
     """The places that cost most time, the worst first. `lost`: (C,) robot ticks lost in each cell."""

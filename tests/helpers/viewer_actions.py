@@ -165,10 +165,10 @@ async def deadlock(user: Watched) -> None:
 @check
 async def bottleneck(user: Watched) -> None:
     await user.at(500)
-    (worst, *_) = user.session.playback.figures[0].bottlenecks
+    (worst, *_) = user.session.playback.figures[0].slow_places
     await press(user, "bottleneck")
     await user.until(lambda: f"1 {worst.place}: " in said(user.display.info))
-    assert user.session.choice.cell == worst.cell == user.session.scene().bottlenecks[0]
+    assert user.session.choice.cell == worst.cell == user.session.scene().slow_places[0]
 
 
 @check

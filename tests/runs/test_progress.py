@@ -17,10 +17,10 @@ from automaton.engine.state import (
 from automaton.floor.drawn_floors import draw_floor
 from automaton.runs.progress import (
     _groups,
-    bottlenecks,
     largest_jam,
     oldest_order,
     place_words,
+    slow_places,
     starved_robots,
     starved_ticks,
 )
@@ -136,13 +136,13 @@ def test_places_that_cost_most_time_are_named_by_what_is_near() -> None:
     lost = np.zeros(plan.kind.size, np.int32)
     for x, y, ticks in ((2, 1, 50), (2, 0, 10), (7, 3, 30), (3, 5, 6), (3, 4, 4)):
         lost[plan.cell(x, y)] = ticks
-    worst = bottlenecks(lost, plan, {plan.cell(3, 5): "station 1"})
+    worst = slow_places(lost, plan, {plan.cell(3, 5): "station 1"})
     assert [(one.place, one.ticks, one.share) for one in worst] == [
         ("mouth of aisle 2, (2, 1)", 60, 0.6),
         ("aisle 4, (7, 3)", 30, 0.3),
         ("station 1, (3, 5)", 10, 0.1),
     ]
-    assert bottlenecks(np.zeros_like(lost), plan, {}) == ()
+    assert slow_places(np.zeros_like(lost), plan, {}) == ()
 
 
 def test_the_nearest_of_many_named_places_counts_and_both_of_equally_near_ones() -> None:

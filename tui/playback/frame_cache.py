@@ -120,8 +120,8 @@ class Pictures:
             marked=found if len(found) else differs[differs < fleet],
             ghosts=ghosts_of(playback, side),
             is_compared=self._is_compared,
-            bottlenecks=choice.bottlenecks[side]
-            if choice.bottlenecks and side == choice.side
+            slow_places=choice.slow_places[side]
+            if choice.slow_places and side == choice.side
             else (),
         )
 

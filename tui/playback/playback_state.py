@@ -23,7 +23,7 @@ from automaton.runs.metrics import (
     uses_of_run,
     uses_of_time,
 )
-from automaton.runs.progress import Jam, SlowPlace, bottlenecks, largest_jam, starved_robots
+from automaton.runs.progress import Jam, SlowPlace, largest_jam, slow_places, starved_robots
 from automaton.runs.simulation import Simulation
 from tui.registration import layer_named
 
@@ -83,7 +83,7 @@ class RunFigures:
     active: Array  # (n,) float64: share of active ticks
     starved: Array  # (k,) identities of starved robots, ascending
     jam: Jam | None  # the largest group of these that stands together
-    bottlenecks: tuple[SlowPlace, ...]  # a saturated station; where most time was lost
+    slow_places: tuple[SlowPlace, ...]  # a saturated station; where most time was lost
     periods: tuple[Period, ...]  # up to then
     uses: dict[str, int]  # robot ticks by use
     making_way: Array  # (n,) ticks by identity: lost in moves and turns that were undone
@@ -100,7 +100,7 @@ def figures_of(run: WatchedRun) -> RunFigures:
     jam = largest_jam(world, run.floor_plan)
     lost = shown.observation.lost_ticks_by_cell[:, LOST_EVER]
     periods = tuple(run.periods())
-    worst = bottlenecks(lost, run.floor_plan, run.resolved.place_names)
+    worst = slow_places(lost, run.floor_plan, run.resolved.place_names)
     station = saturated_station(run, shown.tick, periods)
     worst = (*station, *(one for one in worst if one.cell not in [at.cell for at in station]))
     figures = shown.tick, metrics_of(shown), operations, active

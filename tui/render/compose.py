@@ -110,7 +110,7 @@ def compose(scene: Scene, camera: Camera, glyphs: GlyphSet, out: Codes | None = 
         out[:] = code(style(styles.COLOUR_VOID, styles.COLOUR_VOID), glyphs.blank)
     out[top : top + rows, left : left + columns] = part[:rows, :columns]
     write_levels(out, scene.floor, camera)
-    for number, cell in enumerate(scene.bottlenecks, 1):
+    for number, cell in enumerate(scene.slow_places, 1):
         if (place := camera.place_of(cell)) is not None:
             mark = style(styles.COLOUR_FLOOR, styles.COLOUR_MARKED)
             out[place] = code(mark, glyphs.digits[number])

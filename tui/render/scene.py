@@ -122,7 +122,7 @@ class Scene:
     # Cells of robots that are elsewhere in the run beside this one.
     ghosts: NDArray[np.int32] = field(default_factory=lambda: NO_CELLS)
     is_compared: bool = False  # with a second recording, shown beside this one
-    bottlenecks: tuple[int, ...] = ()  # cells, numbered from 1
+    slow_places: tuple[int, ...] = ()  # cells, numbered from 1
     zone: int = NIL  # its cells are marked
     colouring: str = "state"  # a key of tui.render.drawn_robots.COLOURINGS
     trails: NDArray[np.int32] = field(default_factory=lambda: NO_CELLS)  # (n, k) cells, or NIL
@@ -233,7 +233,7 @@ class Choice:
     layer: str = ""
     least: int = 2  # minimum number of paths in the layer "predicted"
     side: int = 0  # index of the run that the panels show
-    bottlenecks: tuple[tuple[int, ...], ...] = ()  # of each run: cells, numbered from 1 on its map
+    slow_places: tuple[tuple[int, ...], ...] = ()  # of each run: cells, numbered from 1 on its map
     following: bool = False
     route: bool = True
     minimap: bool = True
@@ -248,7 +248,7 @@ class Choice:
         """After a reload, keep a cell of a floor of the same size and a robot of the new fleet."""
         self.robot = self.robot if self.robot < robots else NIL
         self.cell = self.cell if is_same_size else NIL
-        self.zone, self.bottlenecks = NIL, ()
+        self.zone, self.slow_places = NIL, ()
         self.matches = self.match_cells = NO_CELLS
 
     @property

@@ -63,7 +63,7 @@ def can_paint(scene: Scene) -> bool:
     """Whether the picture of films shows all that the user wants to see."""
     if scene.snapshot is not None and len(scene.snapshot.robots.cell) > MAX_ROBOTS:
         return False
-    more = scene.layer or scene.lines or scene.bottlenecks or scene.colouring != "state"
+    more = scene.layer or scene.lines or scene.slow_places or scene.colouring != "state"
     return not (more or scene.trails.size or scene.zone_cells.size)
 
 

@@ -303,15 +303,15 @@ class FindActions:
         session = self._session
         if not session.ready() or session.playback is None:
             return
-        worst = session.playback.figures[session.choice.side].bottlenecks
+        worst = session.playback.figures[session.choice.side].slow_places
         if not worst:
             session.notify("no time has been lost so far")
             return
         cells = [one.cell for one in worst]
         at = cells.index(session.choice.cell) if session.choice.cell in cells else NIL
         at = (at + 1) % len(worst)
-        session.choice.bottlenecks = tuple(
-            tuple(one.cell for one in figures.bottlenecks) for figures in session.playback.figures
+        session.choice.slow_places = tuple(
+            tuple(one.cell for one in figures.slow_places) for figures in session.playback.figures
         )
         session.choose(cell=cells[at])
         session.show_cell(cells[at])
@@ -330,7 +330,7 @@ class FindActions:
             self._session.ordered()
             return
         self._session.choose()
-        self._session.choice.bottlenecks = ()
+        self._session.choice.slow_places = ()
         self._found, self._stepping = None, "events"
         self._session.choice.matches = self._session.choice.match_cells = NO_CELLS
         self._session.hovered, self._session.choice.card = NIL, False

@@ -414,9 +414,9 @@ def _overlays(
         whose = "the selected robot" if scene.lines == "selected" else "each robot"
         codes = tuple(one for way in "-/" for one in sign(styles.COLOUR_GOAL_LINE, ord(way)))
         entries.append(signed(codes if near else codes[:1], f"from {whose} straight to its goal"))
-    if scene.bottlenecks:
+    if scene.slow_places:
         mark = style(styles.COLOUR_FLOOR, styles.COLOUR_MARKED)
-        signs = tuple(int(code(mark, glyphs.digits[n + 1])) for n in range(len(scene.bottlenecks)))
+        signs = tuple(int(code(mark, glyphs.digits[n + 1])) for n in range(len(scene.slow_places)))
         entries.append(signed(signs, "saturated, or where most time was lost"))
     if scene.zone >= 0:
         marked = int(code(style(styles.COLOUR_FLOOR, styles.COLOUR_MARKED), glyphs.blank))

@@ -140,7 +140,7 @@ def test_what_films_do_not_draw_is_text(monkeypatch: pytest.MonkeyPatch) -> None
     for change in (
         {"layer": "visits"},
         {"lines": "all"},
-        {"bottlenecks": (12,)},
+        {"slow_places": (12,)},
         {"zone": 0},
         {"colouring": "order"},
         {"trails": cells[None]},

@@ -58,10 +58,10 @@ def test_numbered_bottlenecks_are_those_of_the_run_that_the_panels_show(tmp_path
                 await user.until(lambda side=side: user.session.choice.side == side)
                 scenes = [user.session.scene(each) for each in (0, 1)]
                 figures = user.session.playback.figures[side]
-                assert scenes[side].bottlenecks == tuple(one.cell for one in figures.bottlenecks)
-                assert scenes[side].bottlenecks and not scenes[1 - side].bottlenecks
+                assert scenes[side].slow_places == tuple(one.cell for one in figures.slow_places)
+                assert scenes[side].slow_places and not scenes[1 - side].slow_places
                 await user.press("o")
-            first, second = user.session.choice.bottlenecks
+            first, second = user.session.choice.slow_places
             assert first != second
 
     asyncio.run(story())

@@ -68,9 +68,11 @@ class Watched:
         return self.session.playback.tick
 
     async def at(self, tick: int) -> None:
-        """Go there, and wait until it is shown."""
+        """Go there, and wait until it is shown, also in the lines."""
         self.app.clock.go_to(tick)
-        await self.until(lambda: self.tick == tick, f"tick {tick}")
+        await self.until(
+            lambda: self.tick == tick and not self.display._texts_stale, f"tick {tick}"
+        )
 
     async def shown(self) -> None:
         """Wait until nothing is left to be drawn."""

@@ -32,6 +32,12 @@ def story(folder: Path, told: Callable[[Served], Any], manner: str = "", **optio
     asyncio.run(tell())
 
 
+async def received(browser: aiohttp.ClientWebSocketResponse) -> aiohttp.WSMessage:
+    """The next message; aiohttp's own limit begins anew with each heartbeat."""
+    async with asyncio.timeout(60):
+        return await browser.receive()
+
+
 # Who gets in
 
 
@@ -183,7 +189,7 @@ def test_what_no_page_sends_ends_the_session(
         async with server.connect() as browser:
             await read_until(browser, b"welcome to the floor")
             await browser.send_str(message)
-            assert (await browser.receive(10)).type == aiohttp.WSMsgType.CLOSE
+            assert (await received(browser)).type == aiohttp.WSMsgType.CLOSE
 
     story(tmp_path, told)
     assert "Traceback" not in caplog.text
@@ -256,9 +262,30 @@ def test_a_program_that_cannot_start_closes_the_page(
 ) -> None:
     async def told(server: Served) -> None:
         async with server.connect() as browser:
-            assert (await browser.receive(10)).type == aiohttp.WSMsgType.CLOSE
+            assert (await received(browser)).type == aiohttp.WSMsgType.CLOSE
         assert "cannot start" in capsys.readouterr().out
 
+    story(tmp_path, told, "broken")
+
+
+def test_so_does_a_program_that_ends_before_it_is_listened_to(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    opened = session_module.BrowserSession._open_app_process
+
+    async def late(session: session_module.BrowserSession, *size: int) -> Any:
+        process = await opened(session, *size)
+        await process.wait()
+        while not process.stdout.at_eof():
+            await asyncio.sleep(0.01)
+        return process
+
+    async def told(server: Served) -> None:
+        async with server.connect() as browser:
+            assert (await received(browser)).type == aiohttp.WSMsgType.CLOSE
+        assert "cannot start" in capsys.readouterr().out
+
+    monkeypatch.setattr(session_module.BrowserSession, "_open_app_process", late)
     story(tmp_path, told, "broken")
 
 
@@ -288,7 +315,7 @@ def test_files_are_delivered_only_if_interactive(tmp_path: Path, read_only: bool
     async def told(server: Served) -> None:
         async with server.connect() as browser:
             offers = []
-            while (message := await browser.receive(10)).data != b"delivered":
+            while (message := await received(browser)).data != b"delivered":
                 offers += [message.data] if message.type == aiohttp.WSMsgType.TEXT else []
             assert offers == ([] if read_only else ['["deliver_file_start", "k"]'])
             assert (await server.get("/download/k"))[0] == 403
@@ -306,7 +333,7 @@ def test_an_untouched_session_ends_though_its_terminal_reports(tmp_path: Path) -
             while echo != aiohttp.WSMsgType.CLOSE and time.monotonic() < begun + 60:
                 await asyncio.sleep(0.1)
                 await browser.send_json(["stdin", "\x1b[24;80R\x1b[?2026;2$y"])
-                echo = (await browser.receive(10)).type
+                echo = (await received(browser)).type
             assert echo == aiohttp.WSMsgType.CLOSE
         assert wait_for_end(server.pids()) == []
 
@@ -366,7 +393,7 @@ def test_nothing_runs_after_the_browser_went(
 
     async def told(server: Served) -> None:
         browser = await server.connect()
-        await browser.receive(10)
+        await received(browser)
         pids = server.pids()
         assert len(pids) == 2 and all(map(running, pids))
         assert server.started()[0][2] == pids[0]  # a group of its own
@@ -388,7 +415,7 @@ def test_nothing_runs_after_the_server_ended(
     async def told(server: Served) -> None:
         for _ in range(2):
             browsers.append(await server.connect())
-            await browsers[-1].receive(10)
+            await received(browsers[-1])
         pids.extend(server.pids())
 
     story(tmp_path, told, manner)
@@ -428,7 +455,7 @@ def test_a_request_that_the_server_gave_up_leaves_no_session(
 
     async def told(server: Served) -> None:
         browsers.append(await server.connect())
-        await browsers[-1].receive(10)
+        await received(browsers[-1])
         pids.extend(server.pids())
 
     story(tmp_path, told, "stubborn")

@@ -332,8 +332,8 @@ class Display:
 
     def changed(self) -> None:
         """Draw a changed choice."""
-        self._stale = True
-        self.refresh_lines_soon()
+        self._stale = self._texts_stale = True
+        self.frames.wake()
 
     def ordered(self) -> None:
         """Show the result of a request to the player as soon as it is there."""
@@ -341,9 +341,8 @@ class Display:
         self.frames.expect()
 
     def refresh_lines_soon(self) -> None:
-        """Update the lines under the map soon."""
+        """Update the lines under the map with the next frame."""
         self._texts_stale = True
-        self.frames.wake()
 
     def refresh_panels(self) -> None:
         """Write the panels again, since their layout has changed."""

@@ -52,6 +52,20 @@ async def branched(user: Watched, setting: str) -> None:
     await user.until(lambda: any(mark.kind == "branch" for mark in user.session.marks))
 
 
+def test_the_message_that_a_key_ends_takes_no_frame_from_its_effect() -> None:
+    """Requested frames have a minimum interval, so one for the line alone would delay the next."""
+
+    async def tell(user: Watched) -> None:
+        user.display.notices.say("a message")
+        await user.until(lambda: "a message" in said(user.display.info))
+        user.display.frames._alarm.clear()
+        user.display.notices.end()
+        assert not user.display.frames._alarm.is_set()
+        await user.until(lambda: "a message" not in said(user.display.info))
+
+    story(tell)
+
+
 def test_keys_of_layers_and_panels_wait_for_the_world() -> None:
     """In the sequence in which they were pressed; a key that takes no world does its work at once."""
     may_begin = threading.Event()

@@ -41,8 +41,9 @@ def saturated(period: Period, robots: int, stations: Sequence[str]) -> str:
     """What is saturated in a period; "" if nothing is.
 
     Chargers, if their places are nearly always taken and half a robot or more stands on the way to one;
-    a station, if it nearly always works; traffic, if a third of the robots at work lose their time to
-    it; robots, if hardly one is idle although orders are open.
+    stations, or the one with the longest queue if only few are, if they nearly always work; traffic, if
+    a third of the robots at work lose their time to it; robots, if hardly one is idle although orders
+    are open.
     """
     taken = period.charger_share >= BUSY_SHARE
     if period.chargers and taken and sum(period.charger_queues) >= LINED_UP:
@@ -51,7 +52,7 @@ def saturated(period: Period, robots: int, stations: Sequence[str]) -> str:
     if busy:
         if len(busy) > 1 and len(busy) >= STATIONS_SHARE * len(period.stations):
             return "stations"
-        most = max(busy, key=lambda k: period.station_queues[k])
+        most = max(busy, key=lambda k: in_queues(period)[0][k])
         return f"station {stations[most]}"
     at_work = period.on_orders + period.in_traffic
     if at_work and period.in_traffic >= LOST * at_work:
@@ -216,13 +217,19 @@ def facts(resource: str, period: Period, robots: int, stations: Sequence[str] = 
             [f"{number(round(energy, 1))} charging, or on the way to a charger"] if energy else []
         )
     mean = sum(period.stations) / max(len(period.stations), 1)
+    queues, what = in_queues(period)
     if resource == "stations":
-        queue = sum(period.station_queues)
-        return [f"stations {percent(mean, 0)} busy", f"{number(round(queue, 1))} robots in queues"]
+        many = number(round(sum(queues), 1))
+        return [f"stations {percent(mean, 0)} busy", f"{many} {what} in queues"]
     station = list(stations).index(resource.removeprefix("station "))
-    queue = period.station_queues[station]
     text = f"{percent(period.stations[station], 0)} busy, all stations {percent(mean, 0)}"
-    return [text, f"{number(round(queue, 1))} robots in its queue"]
+    return [text, f"{number(round(queues[station], 1))} {what} in its queue"]
+
+
+def in_queues(period: Period) -> tuple[tuple[float, ...], str]:
+    """How many wait at each station, and what: parts where these are processed, else robots."""
+    parts = period.station_parts
+    return (parts, "parts") if parts else (period.station_queues, "robots")
 
 
 def others(resource: str, period: Period, robots: int) -> list[str]:

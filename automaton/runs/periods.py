@@ -63,6 +63,9 @@ class Period(NamedTuple):
     idle: float  # robots without an order, parked, or off the floor
     stations: tuple[float, ...]  # share of the time in which each station works or serves
     station_queues: tuple[float, ...]  # mean number of robots
+    station_parts: tuple[
+        float, ...
+    ]  # mean number of parts that wait there; () if none are processed
     chargers: tuple[float, ...]  # share of the time of its places in which robots charge
     charger_queues: tuple[float, ...]
     places: tuple[int, ...]  # robots that charge at each charger at once
@@ -185,7 +188,9 @@ def kept_periods(resolved: Resolved, columns: Mapping[str, Sequence[float]]) -> 
         name = moment(resolved.unrefined, int(begin) // resolved.scenario.refine)
         row |= {"begin": int(begin), "end": int(row["end"]), "name": name}
         places = (1,) * len(row["chargers"])
-        periods.append(Period(**row, station_queues=(), charger_queues=(), places=places))
+        periods.append(
+            Period(**row, station_queues=(), station_parts=(), charger_queues=(), places=places)
+        )
     return periods
 
 
@@ -220,7 +225,7 @@ def periods_of(run: Measured, marks: list[Counted]) -> list[Period]:
     world, resolved = run.world, run.resolved
     borders = np.array([0, *(mark.tick for mark in marks)])
     done, backlog = flow(world, borders)
-    late = late_orders(world, borders)
+    late, parts = late_orders(world, borders), waiting_parts(world, borders)
     places = world.chargers.places[: len(marks[-1].charger_busy)].astype(np.int64)
     periods = []
     for k, mark in enumerate(marks):
@@ -259,6 +264,7 @@ def periods_of(run: Measured, marks: list[Counted]) -> list[Period]:
                 len(world.robots.cell) - float(actions.sum()),
                 tuple(((mark.station_busy - before.station_busy) / ticks).tolist()),
                 tuple(((mark.station_queue - before.station_queue) / ticks).tolist()),
+                tuple(parts[k].tolist()),
                 tuple(((mark.charger_busy - before.charger_busy) / places / ticks).tolist()),
                 tuple(((mark.charger_queue - before.charger_queue) / ticks).tolist()),
                 tuple(places.tolist()),
@@ -281,6 +287,28 @@ def flow(world: World, borders: Array) -> tuple[Array, Array]:
     in_stretch = summed(ends, np.ones(len(ends)), borders)
     known = np.searchsorted(np.sort(release), borders[1:], side="right")
     return in_stretch, known - np.cumsum(in_stretch)
+
+
+def waiting_parts(world: World, borders: Array) -> Array:
+    """(stretches, k): mean number of parts in the queue of each station; k is 0 if none are processed."""
+    jobs, now = world.stations, borders[-1]
+    if not len(jobs.part):
+        return np.empty((len(borders) - 1, 0))
+    came = np.where(jobs.arrival_tick == NIL, now, jobs.arrival_tick)
+    begun = np.where(jobs.completion_tick == NIL, now, jobs.completion_tick - jobs.processing_time)
+    serving = jobs.in_service != NIL
+    job = jobs.in_service[serving]
+    begun[job] = jobs.job_done_tick[serving] - jobs.processing_time[job]
+    waited = [
+        np.bincount(
+            jobs.station,
+            np.minimum(begun, until) - np.minimum(came, until),
+            minlength=len(jobs.slot),
+        )
+        for until in borders
+    ]
+    means: Array = np.diff(waited, axis=0) / np.maximum(np.diff(borders), 1)[:, None]
+    return means
 
 
 def late_orders(world: World, borders: Array) -> Array | None:

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import json
 
+import numpy as np
 import pytest
 
 from automaton.commands import main
 from automaton.documents.text_output import as_text
+from automaton.engine.state import NIL
 from automaton.errors import InputError
 from automaton.runs.bottleneck import (
     bottleneck_sentences,
@@ -17,8 +19,9 @@ from automaton.runs.bottleneck import (
     saturated,
 )
 from automaton.runs.headless import run_once
-from automaton.runs.periods import Period, ticks_of_period
+from automaton.runs.periods import Period, ticks_of_period, waiting_parts
 from automaton.runs.run_report import run_document
+from automaton.runs.simulation import Simulation
 from automaton.world.resolve import resolve
 
 CALM = Period(
@@ -41,6 +44,7 @@ CALM = Period(
     idle=5.0,
     stations=(0.5, 0.5),
     station_queues=(0.0, 0.0),
+    station_parts=(),
     chargers=(0.5,),
     charger_queues=(0.0,),
     places=(1,),
@@ -66,6 +70,34 @@ NAMES = ("P1", "P2")
 )
 def test_what_is_saturated_in_a_period(change: dict[str, object], resource: str) -> None:
     assert saturated(CALM._replace(**change), 10, NAMES) == resource  # type: ignore[arg-type]
+
+
+FEW_BUSY = CALM._replace(stations=(1.0, 0.95, 0.1, 0.1, 0.1), station_queues=(0.0,) * 5)
+
+
+def test_of_saturated_stations_it_is_the_one_with_the_longest_queue_of_parts_or_robots() -> None:
+    names = ("A", "B", "C", "D", "E")
+    parts = FEW_BUSY._replace(station_queues=(3.0, *(0.0,) * 4), station_parts=(2.0, 5.0, 9, 0, 0))
+    robots = FEW_BUSY._replace(station_queues=(3.0, 1.0, 0.0, 0.0, 0.0))
+    for period, station, queue in ((parts, "B", "5 parts"), (robots, "A", "3 robots")):
+        assert saturated(period, 10, names) == f"station {station}"
+        assert facts(f"station {station}", period, 10, names)[1] == f"{queue} in its queue"
+
+
+def test_parts_wait_from_their_arrival_to_the_beginning_of_their_work() -> None:
+    run = Simulation(resolve("factory"), seed=1)
+    waited = np.zeros((2, len(run.world.stations.slot)))
+    for tick in range(400):
+        run.run(until=tick + 1)
+        jobs = run.world.stations
+        come = (jobs.arrival_tick != NIL) & (jobs.arrival_tick <= tick)
+        begun = jobs.completion_tick != NIL
+        for job, done in zip(jobs.in_service, jobs.job_done_tick, strict=True):
+            begun[job] |= job != NIL and done - jobs.processing_time[job] <= tick
+        waited[tick // 200] += np.bincount(jobs.station[come & ~begun], minlength=waited.shape[1])
+    assert waited.any()
+    means = waiting_parts(run.world, np.array([0, 200, 400]))
+    assert (200 * means).round().tolist() == waited.tolist()
 
 
 ON_ORDERS = ("driving_loaded", "driving_empty", "turning", "handling")  # uses of time on orders

@@ -215,10 +215,10 @@ def test_the_key_of_lost_time_goes_from_a_saturated_station_to_the_places_of_los
         await user.press("y")
         camera = user.session.pictures.camera
         station = user.session.choice.cell
-        assert user.session.opening.resolved[0].place_names[station] == "station 4"
+        assert user.session.opening.resolved[0].place_names[station] == "station 5"
         row, column = camera.place_of(station)
         assert screen_text(user.app).splitlines()[row + 1][column] == "1"  # below the title
-        told = f"1 station 4, {camera.floor_plan.xy(station)}, saturated: 100 % of the run"
+        told = f"1 station 5, {camera.floor_plan.xy(station)}, saturated: 100 % of the run"
         await user.until(lambda: told == said(user.display.info)[0])
 
     async def lost(user: Watched) -> None:
@@ -263,8 +263,8 @@ def test_one_tick_before_the_last_known_one_the_bottleneck_is_the_same() -> None
         await user.at(900)
         await user.press("comma", "y")
         await user.until(lambda: user.tick == 899)
-        await user.until(lambda: "1 station 4, " in said(user.display.info)[0])
-        assert "bottleneck station 4, saturated 100 % of the run" in text(
+        await user.until(lambda: "1 station 5, " in said(user.display.info)[0])
+        assert "bottleneck station 5, saturated 100 % of the run" in text(
             user.display.column.figures
         )
 

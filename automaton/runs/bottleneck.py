@@ -26,6 +26,7 @@ MEANS: Final = Period._fields[
 ]  # means over the ticks of a period
 LEAST_TICKS: Final = 128  # of a run that has a bottleneck while it is watched
 MENTIONED: Final = 0.05  # share of the run in which something else has to be saturated
+MOST_DESCRIBED: Final = 3  # resources; others are only named
 
 
 class Bottleneck(NamedTuple):
@@ -37,46 +38,49 @@ class Bottleneck(NamedTuple):
     last: int
 
 
-def saturated(period: Period, robots: int, stations: Sequence[str]) -> str:
-    """What is saturated in a period; "" if nothing is.
+def saturated(period: Period, robots: int, stations: Sequence[str]) -> list[str]:
+    """What is saturated in a period; several only if they are stations.
 
     Chargers, if their places are nearly always taken and half a robot or more stands on the way to one;
-    stations, or the one with the longest queue if only few are, if they nearly always work; traffic, if
-    a third of the robots at work lose their time to it; robots, if hardly one is idle although orders
-    are open.
+    stations, each or if they are many together, if they nearly always work; traffic, if a third of the
+    robots at work lose their time to it; robots, if hardly one is idle although orders are open.
     """
     taken = period.charger_share >= BUSY_SHARE
     if period.chargers and taken and sum(period.charger_queues) >= LINED_UP:
-        return "chargers"
+        return ["chargers"]
     busy = [k for k, share in enumerate(period.stations) if share >= BUSY_SHARE]
+    if len(busy) > 1 and len(busy) >= STATIONS_SHARE * len(period.stations):
+        return ["stations"]
     if busy:
-        if len(busy) > 1 and len(busy) >= STATIONS_SHARE * len(period.stations):
-            return "stations"
-        most = max(busy, key=lambda k: in_queues(period)[0][k])
-        return f"station {stations[most]}"
+        return [f"station {stations[k]}" for k in busy]
     at_work = period.on_orders + period.in_traffic
     if at_work and period.in_traffic >= LOST * at_work:
-        return "traffic"
+        return ["traffic"]
     idle = period.idle + period.aside
-    return "robots" if period.backlog and idle <= IDLE_SHARE * robots else ""
+    return ["robots"] if period.backlog and idle <= IDLE_SHARE * robots else []
 
 
 def bottlenecks_of(
     periods: Sequence[Period], robots: int, stations: Sequence[str]
 ) -> list[Bottleneck]:
-    """What was saturated, for longest first; nothing if no resource was."""
+    """What was saturated, for longest first; nothing if no resource was.
+
+    Of stations that were saturated equally long, the one with the longest queue comes first.
+    """
     resources = [saturated(period, robots, stations) for period in periods]
     ticks: dict[str, int] = {}
-    for name, period in zip(resources, periods, strict=True):
-        ticks[name] = ticks.get(name, 0) + period.ticks
-    ticks.pop("", None)
+    for names, period in zip(resources, periods, strict=True):
+        for name in names:
+            ticks[name] = ticks.get(name, 0) + period.ticks
+    queues = in_queues(joined(periods))[0] if periods else ()
+    queue_of = {f"station {name}": queue for name, queue in zip(stations, queues, strict=True)}
     return [
         Bottleneck(
             name,
             ticks[name] / max(periods[-1].end, 1),
-            *longest_stretch(periods, [one == name for one in resources]),
+            *longest_stretch(periods, [name in names for names in resources]),
         )
-        for name in sorted(ticks, key=lambda one: -ticks[one])
+        for name in sorted(ticks, key=lambda one: (-ticks[one], -queue_of.get(one, 0.0)))
     ]
 
 
@@ -111,15 +115,18 @@ def bottleneck_sentences(resolved: Resolved, periods: Sequence[Period]) -> list[
         f"{'; '.join(facts(first.resource, stretch, robots, names))}.",
         f"In this stretch {'; '.join(others(first.resource, stretch, robots))}.",
     ]
-    for one in [first, *more]:
+    mentioned = [first, *(one for one in more if one.share >= MENTIONED)]
+    for one in mentioned[:MOST_DESCRIBED]:
         fall = rate_fall(resolved, periods, one)
         stretch = joined(periods[one.first : one.last + 1])
         if one is first and fall:
             sentences.append(f"As it began, {fall}.")
-        elif one is not first and one.share >= MENTIONED:
+        elif one is not first:
             texts = [*facts(one.resource, stretch, robots, names), *([fall] if fall else [])]
             when = stretch_text(resolved, stretch)
             sentences.append(f"{subject(one.resource)} also saturated, {when}: {'; '.join(texts)}.")
+    if rest := [one.resource for one in mentioned[MOST_DESCRIBED:]]:
+        sentences.append(f"Also saturated, for a shorter time: {', '.join(rest)}.")
     return [" ".join(sentences)]
 
 

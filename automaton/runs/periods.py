@@ -299,15 +299,20 @@ def waiting_parts(world: World, borders: Array) -> Array:
     serving = jobs.in_service != NIL
     job = jobs.in_service[serving]
     begun[job] = jobs.job_done_tick[serving] - jobs.processing_time[job]
-    waited = [
-        np.bincount(
-            jobs.station,
-            np.minimum(begun, until) - np.minimum(came, until),
-            minlength=len(jobs.slot),
+    shape = len(borders) + 1, len(jobs.slot)
+
+    def since(ticks: Array) -> Array:
+        """(borders, k): at each border, the ticks that have passed since these, of all jobs."""
+        at = np.searchsorted(borders, ticks) * shape[1] + jobs.station
+        count, total = (
+            np.bincount(at, weights, math.prod(shape)).reshape(shape)[:-1].cumsum(0)
+            for weights in (None, ticks)
         )
-        for until in borders
-    ]
-    means: Array = np.diff(waited, axis=0) / np.maximum(np.diff(borders), 1)[:, None]
+        passed: Array = borders[:, None] * count - total
+        return passed
+
+    waited = np.diff(since(came) - since(begun), axis=0)
+    means: Array = waited / np.maximum(np.diff(borders), 1)[:, None]
     return means
 
 

@@ -249,8 +249,8 @@ def _pairs(keys: Array, order: Array, offset: int) -> tuple[Array, Array]:
 # The places where most time is lost.
 
 
-MAX_BOTTLENECKS: Final = 3
-BOTTLENECK_REACH: Final = 2  # largest distance, in rows and in columns, from the centre
+MAX_SLOW_PLACES: Final = 3
+SLOW_PLACE_REACH: Final = 2  # largest distance, in rows and in columns, from the centre
 MAX_CANDIDATES: Final = 500  # cells with most lost time that may be centres
 MIN_AISLE: Final = 3  # cells
 NAMED_REACH: Final = 3  # largest distance of a named place
@@ -277,9 +277,9 @@ def slow_places(
     """The places that cost most time, the worst first. `lost`: (C,) robot ticks lost in each cell."""
     left, total, worst = lost.astype(np.int64), int(lost.sum()), []
     names = tuple(place_names.items())
-    side = np.arange(-BOTTLENECK_REACH, BOTTLENECK_REACH + 1)
+    side = np.arange(-SLOW_PLACE_REACH, SLOW_PLACE_REACH + 1)
     around = (side[:, None] * floor_plan.stride + side).reshape(-1)
-    for _ in range(MAX_BOTTLENECKS):
+    for _ in range(MAX_SLOW_PLACES):
         cells = np.flatnonzero(left)
         if not len(cells):
             break

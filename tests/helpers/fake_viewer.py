@@ -33,11 +33,15 @@ def on_terminate(number, frame):  # a viewer that is writing sees it only after 
     if manner != "floods":
         leave()
 signal.signal(signal.SIGTERM, signal.SIG_IGN if manner == "stubborn" else on_terminate)
-held = subprocess.DEVNULL if manner == "broken" else None
-child = subprocess.Popen(["sleep", "600"], stdout=held, stderr=held)
+is_broken, nothing = manner.startswith("broken"), subprocess.DEVNULL
+child = subprocess.Popen(
+    ["sleep", "600"],
+    stdout=nothing if is_broken else None,
+    stderr=nothing if manner == "broken" else None,
+)
 lines = open(path, "a")
 print(json.dumps([os.getpid(), child.pid, os.getpgid(0), dict(os.environ)]), file=lines, flush=True)
-if manner == "broken":
+if is_broken:
     sys.exit("cannot start")
 os.write(1, b"__GANGLION__\\n")
 send(b"D", b"welcome to the floor")

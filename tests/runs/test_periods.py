@@ -15,6 +15,7 @@ from automaton.runs.bottleneck import (
     bottleneck_sentences,
     bottlenecks_of,
     facts,
+    joined,
     others,
     saturated,
 )
@@ -69,19 +70,63 @@ NAMES = ("P1", "P2")
     ],
 )
 def test_what_is_saturated_in_a_period(change: dict[str, object], resource: str) -> None:
-    assert saturated(CALM._replace(**change), 10, NAMES) == resource  # type: ignore[arg-type]
+    expected = [resource] if resource else []
+    assert saturated(CALM._replace(**change), 10, NAMES) == expected  # type: ignore[arg-type]
 
 
-FEW_BUSY = CALM._replace(stations=(1.0, 0.95, 0.1, 0.1, 0.1), station_queues=(0.0,) * 5)
+FEW_BUSY = CALM._replace(
+    stations=(1.0, 0.95, 0.1, 0.1, 0.1), station_queues=(3.0, 1.0, 0.0, 0.0, 0.0)
+)
 
 
-def test_of_saturated_stations_it_is_the_one_with_the_longest_queue_of_parts_or_robots() -> None:
+@pytest.mark.parametrize(
+    ("parts", "first", "queue"), [((2.0, 5.0, 9, 0, 0), "B", "4.5 parts"), ((), "A", "3 robots")]
+)
+def test_of_stations_that_are_saturated_equally_long_the_one_with_the_longest_queue_is_first(
+    parts: tuple[float, ...], first: str, queue: str
+) -> None:
+    """Though in a single period the queue of the other was longer."""
     names = ("A", "B", "C", "D", "E")
-    parts = FEW_BUSY._replace(station_queues=(3.0, *(0.0,) * 4), station_parts=(2.0, 5.0, 9, 0, 0))
-    robots = FEW_BUSY._replace(station_queues=(3.0, 1.0, 0.0, 0.0, 0.0))
-    for period, station, queue in ((parts, "B", "5 parts"), (robots, "A", "3 robots")):
-        assert saturated(period, 10, names) == f"station {station}"
-        assert facts(f"station {station}", period, 10, names)[1] == f"{queue} in its queue"
+    other = tuple(4.0 if k < 2 else 0.0 for k in range(5)) if parts else ()
+    periods = [
+        FEW_BUSY._replace(begin=100 * k, end=100 * (k + 1), station_parts=shape)
+        for k, shape in enumerate((parts, other))
+    ]
+    both = bottlenecks_of(periods, 10, names)
+    assert {(one.resource, one.share, one.first, one.last) for one in both} == {
+        ("station A", 1.0, 0, 1),
+        ("station B", 1.0, 0, 1),
+    }
+    assert both[0].resource == f"station {first}"
+    assert facts(both[0].resource, joined(periods), 10, names)[1] == f"{queue} in its queue"
+
+
+def test_stations_that_are_saturated_by_turns_outlast_chargers() -> None:
+    """Each counts in all periods in which it works all the time."""
+    few = FEW_BUSY._replace(station_queues=(0.0,) * 5)
+    full = few._replace(chargers=(1.0,), charger_queues=(2.0,))
+    periods = [
+        one._replace(begin=100 * k, end=100 * (k + 1), station_parts=(k % 2, 1 - k % 2, 0, 0, 0))
+        for k, one in enumerate([full, full, few, few, few])
+    ]
+    shares = {one.resource: one.share for one in bottlenecks_of(periods, 10, tuple("ABCDE"))}
+    assert shares == {"station A": 0.6, "station B": 0.6, "chargers": 0.4}
+
+
+def test_of_many_saturated_resources_three_are_described_and_the_others_named() -> None:
+    periods = [
+        CALM._replace(
+            begin=100 * k,
+            end=100 * (k + 1),
+            stations=tuple(1.0 if k >= 2 * one else 0.1 for one in range(4)) + (0.1,) * 5,
+            station_queues=(0.0,) * 9,
+        )
+        for k in range(8)
+    ]
+    [text] = bottleneck_sentences(resolve("tabletop-mini"), periods)
+    assert text.startswith("Station 1 was the bottleneck, saturated for 100 % of the run;")
+    assert text.count("also saturated, from") == 2
+    assert text.endswith("Also saturated, for a shorter time: station 4.")
 
 
 def test_parts_wait_from_their_arrival_to_the_beginning_of_their_work() -> None:

@@ -78,15 +78,15 @@ class BrowserSession(AppService):
                 raise
             # The process had ended before: its errors have not been read.
         if self._ending is None:
-            await self._print_errors()
-            await self._close()
+            await asyncio.gather(self._print_errors(), self._close())
 
     async def _print_errors(self) -> None:
         """Print what the process said at its end; a child of it may hold the pipe open."""
         assert self._process is not None and self._process.stderr is not None
         with contextlib.suppress(TimeoutError):
             async with asyncio.timeout(TERMINATE_GRACE_S):
-                print(end=(await self._process.stderr.read()).decode("utf-8", "replace"))
+                while data := await self._process.stderr.read(4096):
+                    print(end=data.decode("utf-8", "replace"))
 
     async def take(self, text: str) -> bool:
         """Pass a message of the browser to the process; returns whether a person caused it."""

@@ -36,6 +36,7 @@ KEEPING_UP_S = 0.1
 LATE_SHARE = 0.8
 MAX_LATE_WINDOWS = 3
 FEW_HELD = 0.1  # share of the frames that are due
+MAX_PATIENCE = 32  # windows of measurement between two tries of a faster step
 BARE_FRAME_BYTES = 512  # up to which the time to the answer is that of the way alone
 QUEUED = 2  # writes that may wait in Textual's writer thread: its queue blocks the program at 30
 LINK_WINDOW_S = 2.0  # seconds over which the link is measured
@@ -58,6 +59,8 @@ class FramePacer:
     def __init__(self, fps: int = 30, max_kbit: float | None = None) -> None:
         self._rungs = (fps, *(slower for slower in SLOWER if slower < fps))
         self._rung = 0
+        self._calm, self._patience = 0, 1  # windows with few frames held back: up to now, and those
+        self._tried = False  # needed for a faster step; whether that was taken in the last window
         self._rate = max_kbit * 125.0 if max_kbit else math.inf  # bytes per second
         self._credit = 0.0
         self._credited = 0.0
@@ -178,7 +181,8 @@ class FramePacer:
     def _judge(self, now: float) -> None:
         """Go a step slower if too many frames were held back, a step faster if hardly any was.
 
-        From the slowest step, at which panels are seldom updated, only if none was.
+        From the slowest step, at which panels are seldom updated, only if none was. If the link turns
+        out not to carry the faster step, the next try comes twice as late.
         """
         if now - self._judged < LINK_WINDOW_S:
             return
@@ -190,12 +194,21 @@ class FramePacer:
             # After a timeout, answers to earlier frames come as if they were quick.
             self._late = self._late + 1 if is_late else max(0, self._late - 1)
         self._passed, self._flying, self._way = [], 0.0, None
-        few = 0.0 if self.strained else FEW_HELD
-        if self._held <= few * due:
-            self._rung = max(0, self._rung - 1)
-        elif due >= 10 and slower < len(self._rungs):
-            delivered = self._sent / due * self._rungs[self._rung]
-            self._rung = slower if delivered < self._rungs[slower] else self._rung
+        # An attempt may be held back several times before its frame goes out.
+        share = self._sent / due * self._rungs[self._rung] if due else 0.0
+        delivered = max(share, self._sent / (now - self._judged))
+        tried, self._tried = self._tried, False
+        is_calm = self._held <= (0.0 if self.strained else FEW_HELD) * due
+        self._calm = self._calm + 1 if is_calm else 0
+        least = self._rungs[slower] if slower < len(self._rungs) else 0.0
+        least *= 1 + FEW_HELD * tried  # or the faster step is not worth it
+        if self._rung and self._calm >= self._patience:
+            self._rung, self._tried, self._calm = self._rung - 1, True, 0
+        elif not is_calm and due >= 10 and delivered < least:
+            self._rung = slower
+            self._patience = min(2 * self._patience, MAX_PATIENCE) if tried else 1
+        elif tried:  # the link carries it
+            self._patience = 1
         self._sent = self._held = 0
         self._judged = now
 

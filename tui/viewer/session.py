@@ -332,17 +332,19 @@ class Display:
 
     def changed(self) -> None:
         """Draw a changed choice."""
-        self._stale = self._texts_stale = True
-        self.frames.wake()
+        self._stale = True
+        self.refresh_lines_soon()
 
     def ordered(self) -> None:
         """Show the result of a request to the player as soon as it is there."""
         self._texts_stale = True
         self.frames.expect()
 
-    def refresh_lines_soon(self) -> None:
-        """Update the lines under the map with the next frame."""
+    def refresh_lines_soon(self, at_once: bool = True) -> None:
+        """Update the lines under the map; at once, or with the next frame."""
         self._texts_stale = True
+        if at_once:
+            self.frames.wake()
 
     def refresh_panels(self) -> None:
         """Write the panels again, since their layout has changed."""
@@ -373,9 +375,7 @@ class Display:
             self._follow_playback(before)
         if COMPILING.now() or (session.player is not None and session.player.computing()):
             self._texts_stale = True  # a line counts the seconds
-        drawn = False
-        if session.playback is not before or self._stale:
-            drawn = self._draw_maps()
+        drawn = (session.playback is not before or self._stale) and self._draw_maps()
         is_said = self._update_texts()
         if failed := failure():
             self._leave_failed_layer()
@@ -582,7 +582,7 @@ class Notices:
     """Shows messages in the line or, if too long, over the map."""
 
     def __init__(
-        self, app: App[None], session: Session, line: Any, refresh: Callable[[], None]
+        self, app: App[None], session: Session, line: Any, refresh: Callable[..., None]
     ) -> None:
         """`line` is the line's widget; `refresh` updates it."""
         self._app, self._session, self._line, self._refresh = app, session, line, refresh
@@ -622,7 +622,7 @@ class Notices:
         self._app.clear_notifications()
         if self.notice is not None and self.notice.layer is None:
             self.notice = None
-            self._refresh()
+            self._refresh(at_once=False)  # what ends it, such as a key, has its own frame
 
     def current(self) -> Word | None:
         """The message that is still due."""

@@ -257,25 +257,35 @@ async def ended(reader: asyncio.StreamReader) -> bytes:
         return b""
 
 
+async def printed(words: str, capsys: pytest.CaptureFixture[str]) -> None:
+    """Wait until the server has printed these words."""
+    async with asyncio.timeout(60):
+        while words not in capsys.readouterr().out:
+            await asyncio.sleep(0.02)
+
+
 def test_a_program_that_cannot_start_closes_the_page(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     async def told(server: Served) -> None:
         async with server.connect() as browser:
             assert (await received(browser)).type == aiohttp.WSMsgType.CLOSE
-        assert "cannot start" in capsys.readouterr().out
+        await printed("cannot start", capsys)
 
     story(tmp_path, told, "broken")
 
 
+@pytest.mark.parametrize("manner", ["broken", "broken, and its child holds its stderr"])
 def test_so_does_a_program_that_ends_before_it_is_listened_to(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+    manner: str,
 ) -> None:
     opened = session_module.BrowserSession._open_app_process
 
     async def late(session: session_module.BrowserSession, *size: int) -> Any:
         process = await opened(session, *size)
-        await process.wait()
         while not process.stdout.at_eof():
             await asyncio.sleep(0.01)
         return process
@@ -283,10 +293,11 @@ def test_so_does_a_program_that_ends_before_it_is_listened_to(
     async def told(server: Served) -> None:
         async with server.connect() as browser:
             assert (await received(browser)).type == aiohttp.WSMsgType.CLOSE
-        assert "cannot start" in capsys.readouterr().out
+        await printed("cannot start", capsys)
 
     monkeypatch.setattr(session_module.BrowserSession, "_open_app_process", late)
-    story(tmp_path, told, "broken")
+    monkeypatch.setattr(session_module, "TERMINATE_GRACE_S", 30.0)
+    story(tmp_path, told, manner)
 
 
 def test_the_environment_has_no_secrets(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -103,6 +103,21 @@ def test_a_frame_held_back_now_and_then_keeps_only_the_slowest_step(
         assert pace.figures(now).allowed == (fallen if end < 30 else recovered)
 
 
+def test_a_link_between_two_steps_is_seldom_asked_for_the_faster_one() -> None:
+    """It carries 14 frames a second: nearly all of 15, and less than that of 30."""
+    pace, now, due, steps = FramePacer(30, max_kbit=112), 0.0, 0.0, [30]
+    while now < 200:
+        if now >= due and pace.ready(now, 0):
+            pace.sent(now, 1000, asked=False)
+            due = now + pace.interval()
+        elif now >= due:
+            due += pace.interval()
+        now += 1 / 240
+        if (allowed := pace.figures(now).allowed) != steps[-1]:
+            steps.append(allowed)
+    assert 3 <= len(steps) <= 16, steps  # a hundred if each calm window were a reason
+
+
 def test_a_terminal_that_never_answers_is_served_by_time() -> None:
     pace = FramePacer(30)
     assert play(pace, 10.0, delay=math.inf) > 150

@@ -49,7 +49,7 @@ def test_what_is_found_in_the_larger_fleet_is_not_looked_for_in_the_smaller(tmp_
     asyncio.run(story())
 
 
-def test_numbered_bottlenecks_are_those_of_the_run_that_the_panels_show(tmp_path: Path) -> None:
+def test_numbered_places_are_those_of_the_run_that_the_panels_show(tmp_path: Path) -> None:
     async def story() -> None:
         async with viewing(compared(tmp_path)) as user:
             await user.at(300)

@@ -126,7 +126,7 @@ def bottleneck_sentences(resolved: Resolved, periods: Sequence[Period]) -> list[
             when = stretch_text(resolved, stretch)
             sentences.append(f"{subject(one.resource)} also saturated, {when}: {'; '.join(texts)}.")
     if rest := [one.resource for one in mentioned[MOST_DESCRIBED:]]:
-        sentences.append(f"Also saturated, for a shorter time: {', '.join(rest)}.")
+        sentences.append(f"Also saturated: {', '.join(rest)}.")
     return [" ".join(sentences)]
 
 

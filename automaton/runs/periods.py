@@ -63,9 +63,7 @@ class Period(NamedTuple):
     idle: float  # robots without an order, parked, or off the floor
     stations: tuple[float, ...]  # share of the time in which each station works or serves
     station_queues: tuple[float, ...]  # mean number of robots
-    station_parts: tuple[
-        float, ...
-    ]  # mean number of parts that wait there; () if none are processed
+    station_parts: tuple[float, ...]  # mean number of waiting parts; () if none are processed
     chargers: tuple[float, ...]  # share of the time of its places in which robots charge
     charger_queues: tuple[float, ...]
     places: tuple[int, ...]  # robots that charge at each charger at once

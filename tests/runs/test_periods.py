@@ -126,7 +126,7 @@ def test_of_many_saturated_resources_three_are_described_and_the_others_named() 
     [text] = bottleneck_sentences(resolve("tabletop-mini"), periods)
     assert text.startswith("Station 1 was the bottleneck, saturated for 100 % of the run;")
     assert text.count("also saturated, from") == 2
-    assert text.endswith("Also saturated, for a shorter time: station 4.")
+    assert text.endswith("Also saturated: station 4.")
 
 
 def test_parts_wait_from_their_arrival_to_the_beginning_of_their_work() -> None:

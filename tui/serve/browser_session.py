@@ -76,7 +76,7 @@ class BrowserSession(AppService):
             task = asyncio.current_task()
             if task is not None and task.cancelling():
                 raise
-            # The process had ended before: its errors have not been read.
+            # The process had ended before: the task that reads its errors was cancelled unstarted.
         if self._ending is None:
             await asyncio.gather(self._print_errors(), self._close())
 

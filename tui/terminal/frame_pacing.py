@@ -36,6 +36,7 @@ KEEPING_UP_S = 0.1
 LATE_SHARE = 0.8
 MAX_LATE_WINDOWS = 3
 FEW_HELD = 0.1  # share of the frames that are due
+LEAST_GAIN = 1.1  # times what the slower step would deliver: else a faster one is not worth it
 MAX_PATIENCE = 32  # windows of measurement between two tries of a faster step
 BARE_FRAME_BYTES = 512  # up to which the time to the answer is that of the way alone
 QUEUED = 2  # writes that may wait in Textual's writer thread: its queue blocks the program at 30
@@ -59,8 +60,9 @@ class FramePacer:
     def __init__(self, fps: int = 30, max_kbit: float | None = None) -> None:
         self._rungs = (fps, *(slower for slower in SLOWER if slower < fps))
         self._rung = 0
-        self._calm, self._patience = 0, 1  # windows with few frames held back: up to now, and those
-        self._tried = False  # needed for a faster step; whether that was taken in the last window
+        self._calm = 0  # successive windows with hardly a frame held back,
+        self._patience = 1  # and how many of them a faster step needs
+        self._tried = False  # a faster step was taken at the end of the last window
         self._rate = max_kbit * 125.0 if max_kbit else math.inf  # bytes per second
         self._credit = 0.0
         self._credited = 0.0
@@ -201,7 +203,7 @@ class FramePacer:
         is_calm = self._held <= (0.0 if self.strained else FEW_HELD) * due
         self._calm = self._calm + 1 if is_calm else 0
         least = self._rungs[slower] if slower < len(self._rungs) else 0.0
-        least *= 1 + FEW_HELD * tried  # or the faster step is not worth it
+        least *= LEAST_GAIN if tried else 1.0
         if self._rung and self._calm >= self._patience:
             self._rung, self._tried, self._calm = self._rung - 1, True, 0
         elif not is_calm and due >= 10 and delivered < least:

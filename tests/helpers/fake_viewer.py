@@ -173,7 +173,7 @@ async def served(
         await asyncio.wait([serving])
 
 
-async def read_until(websocket: Any, text: bytes, seconds: float = 60.0) -> bytes:
+async def read_until(websocket: Any, text: bytes, seconds: float = 10.0) -> bytes:
     """What the browser gets, until `text` is in it."""
     seen = b""
     async with asyncio.timeout(seconds):

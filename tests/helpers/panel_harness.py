@@ -40,7 +40,7 @@ def moment(
     player.show_layer(layer)
     player.select(selected)
     player.seek(tick)
-    until = time.monotonic() + 60
+    until = time.monotonic() + 20
     while player.latest().tick < tick or player.latest().figures[0].tick < tick:
         assert time.monotonic() < until
         time.sleep(0.005)

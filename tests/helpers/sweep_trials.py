@@ -51,7 +51,7 @@ def kills(folder: Path, count: int) -> bool:
         (os.kill if k % 2 else os.killpg)(process.pid, signal.SIGKILL)
         goes_on = started(sweep_command(study, out, "--workers", "2"))
         goes_on.communicate(timeout=120)
-        process.communicate(timeout=60)
+        process.communicate(timeout=20)
         wait_until(lambda: not of_session(process.pid) and not of_session(goes_on.pid))  # noqa: B023
         rows = Store(out).rows()
         equal += plain(rows) == expected and len(set(rows["key"].to_pylist())) == len(rows)

@@ -48,7 +48,7 @@ def ended(command: list[str], end: Callable[[subprocess.Popen[str]], None]) -> t
     try:
         wait_until(lambda: computing(process), 60)
         end(process)
-        out, err = process.communicate(timeout=60)
+        out, err = process.communicate(timeout=20)
         wait_until(lambda: not of_session(process.pid))
     finally:
         end_all([process])

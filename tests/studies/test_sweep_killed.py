@@ -67,7 +67,7 @@ def test_a_signal_keeps_what_is_done(
     try:
         wait_until(lambda: row_files(out))
         os.killpg(process.pid, number)  # as a terminal or a scheduler does: to all processes
-        _, err = process.communicate(timeout=60)
+        _, err = process.communicate(timeout=20)
         wait_until(lambda: not of_session(process.pid))
     finally:
         end_all([process])
@@ -96,7 +96,7 @@ def test_a_killed_sweep_goes_on_to_the_same_table(
     try:
         wait_until(lambda: row_files(out))
         kill(process.pid, signal.SIGKILL)
-        process.communicate(timeout=60)
+        process.communicate(timeout=20)
         wait_until(lambda: not of_session(process.pid))
     finally:
         end_all([process])

@@ -61,7 +61,7 @@ async def sent(port: int, request: bytes, is_reset: bool) -> None:
         return
     writer.write_eof()
     try:
-        async with asyncio.timeout(60):
+        async with asyncio.timeout(30):
             await reader.read(100)
     except ConnectionResetError:
         pass

@@ -296,7 +296,7 @@ def test_so_does_a_program_that_ends_before_it_is_listened_to(
         await printed("cannot start", capsys)
 
     monkeypatch.setattr(session_module.BrowserSession, "_open_app_process", late)
-    monkeypatch.setattr(session_module, "TERMINATE_GRACE_S", 30.0)
+    monkeypatch.setattr(session_module, "TERMINATE_GRACE_S", 120.0)  # it waits for none of it
     story(tmp_path, told, manner)
 
 
